@@ -229,6 +229,72 @@ fn assert_mapped(batch: &RecordBatch, out: &RecordBatch, slack: f64) {
 }
 
 #[test]
+fn boxes_of_every_form_have_the_same_feet() {
+    let scratch = scratch(&site());
+    let image = site().cameras.iter().find(|camera| camera.id == "b").unwrap().size();
+    let boxes = [[900.0, 500.0, 40.0, 120.0], [100.0, 400.0, 60.0, 200.0]];
+    let table = |header: &str, row: &dyn Fn([f64; 4]) -> [f64; 4]| {
+        let rows = boxes.map(|one| row(one).map(|number| number.to_string()).join(","));
+        format!("{header}\n{}\n", rows.join("\n"))
+    };
+    let floor = |text: &str, more: &[&str]| -> Vec<[f64; 2]> {
+        let out = scratch.calib_with(&project(&[&["--camera", "b"], more].concat()), text).expect_code(0);
+        let number = |row: &str, from_end: usize| row.split(',').nth_back(from_end).unwrap().parse().unwrap();
+        out.stdout.lines().skip(1).map(|row| [number(row, 2), number(row, 1)]).collect()
+    };
+    let plain = floor(&table("x,y,w,h", &|one| one), &[]);
+    let same = |found: Vec<[f64; 2]>| {
+        for (a, b) in found.into_iter().flatten().zip(plain.iter().flatten()) {
+            assert!((a - b).abs() < 1e-6, "{a} {b}");
+        }
+    };
+    let corners = |[x, y, w, h]: [f64; 4]| [x, y, x + w, y + h];
+    let centre = |[x, y, w, h]: [f64; 4]| [x + 0.5 * w, y + 0.5 * h, w, h];
+    let fractions = |[a, b, c, d]: [f64; 4]| [a / image[0], b / image[1], c / image[0], d / image[1]];
+    same(floor(&table("x1,y1,x2,y2", &corners), &[]));
+    same(floor(&table("XMin,YMin,XMax,YMax", &corners), &[]));
+    same(floor(&table("x,y,w,h", &corners), &["--box-form", "xyxy"]));
+    same(floor(&table("left,top,width,height", &|one| one), &[]));
+    same(floor(&table("cx,cy,w,h", &centre), &[]));
+    same(floor(&table("x,y,w,h", &centre), &["--box-form", "cxcywh"]));
+    same(floor(&table("x,y,w,h", &|one| fractions(centre(one))), &["--box-form", "yolo"]));
+    let centres = ["--box-form", "yolo", "--pixel-origin", "centre"];
+    same(floor(&table("x,y,w,h", &|one| fractions(centre(one))), &centres));
+    let size = format!("{}x{}", image[0] / 2.0, image[1] / 2.0);
+    same(floor(&table("x,y,w,h", &fractions), &["--box-form", "xywh", "--stream-size", &size]));
+    let refused = |text: &str, advice: &str| {
+        let out = scratch.calib_with(&project(&["--camera", "b"]), text).expect_code(3);
+        assert!(out.stderr.contains(advice), "{}", out.stderr);
+    };
+    refused(&table("x,y,w,h", &fractions), "--box-form yolo");
+    let right = |[x, y, w, h]: [f64; 4]| corners([0.5 * x, 0.5 * y, w + 1000.0, h + 500.0]);
+    refused(&table("x,y,w,h", &right), "--box-form xyxy");
+    refused("x,y\n1,2\n", "x1,y1,x2,y2");
+}
+
+#[test]
+fn tables_of_spreadsheets_are_read() {
+    let scratch = scratch(&site());
+    let floor = |name: &str, bytes: &[u8]| {
+        scratch.write(name, bytes);
+        let out = scratch.calib(&project(&["--camera", "b", "-i", name])).expect_code(0);
+        let rows: Vec<Vec<String>> =
+            out.stdout.lines().skip(1).map(|row| row.split(',').map(str::to_owned).collect()).collect();
+        (rows, out.stderr)
+    };
+    let (plain, quiet) = floor("plain.csv", b"u,v\n920.5,620\n130.25,900\n");
+    assert!(quiet.is_empty(), "{quiet}");
+    let (found, note) = floor("semicolon.csv", b"U;V\n920,5;620\n130,25;900\n");
+    assert!(found == plain && note.contains("semicolons"), "{found:?} {note}");
+    let (found, note) = floor("tab.csv", b"u\tv\n920.5\t620\n130.25\t900\n");
+    assert!(found == plain && note.contains("tabs"), "{found:?} {note}");
+    let text: Vec<u8> =
+        "\u{feff}u\tv\n920,5\t620\n130,25\t900\n".encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let (found, note) = floor("unicode.csv", &text);
+    assert!(found == plain && note.contains("UTF-16"), "{found:?} {note}");
+}
+
+#[test]
 fn foot_is_the_middle_of_the_lower_edge_and_the_pixel_origin_is_respected() {
     let scratch = scratch(&site());
     let table = "x,y,w,h\n900,500,40,120\n100,700,60.5,200\n";
@@ -247,7 +313,7 @@ fn foot_is_the_middle_of_the_lower_edge_and_the_pixel_origin_is_respected() {
     assert_eq!(floor(&["-i", "centres.csv", "--pixel-origin", "centre"]), points);
     scratch.calib(&project(&["--camera", "b", "-i", "boxes.csv", "--columns", "points"])).expect_code(3);
     // If both are present, `auto` selects the points.
-    scratch.write("both.csv", "x,y,w,h,u,v\n0,0,1,1,920,620\n0,0,1,1,130.25,900\n");
+    scratch.write("both.csv", "x,y,w,h,u,v\n0,0,9,9,920,620\n0,0,9,9,130.25,900\n");
     assert_eq!(floor(&["-i", "both.csv"]), points);
     assert_ne!(floor(&["-i", "both.csv", "--columns", "boxes"]), points);
     let to_pixel = ["project", "site.json", "--camera", "b", "--to", "pixel"];

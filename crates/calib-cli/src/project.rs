@@ -15,8 +15,8 @@ use arrow_array::{
 use arrow_schema::{Field, Schema};
 use calib_core::floor::Stream;
 use calib_table::{
-    AtColumn, AtUnit, BadCells, BadRows, CalibrationRequest, Calibrations, CameraSource, Columns, Mapping,
-    Rows, To, Wording,
+    AtColumn, AtUnit, BadCells, BadRows, Boxes, CalibrationRequest, Calibrations, CameraSource, Columns,
+    Mapping, Rows, TableBoxForm, To, Wording,
 };
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use parquet::arrow::ArrowWriter;
@@ -110,6 +110,9 @@ pub(crate) struct Args {
     /// Whether pixels are points or boxes
     #[arg(long, value_enum, default_value_t = Columns::Auto)]
     columns: Columns,
+    /// Meaning of the four numbers of a box; by default from the names of its columns
+    #[arg(long, value_enum, value_name = "FORM")]
+    box_form: Option<TableBoxForm>,
     /// Origin of pixel coordinates
     #[arg(long, value_enum, default_value_t = PixelOrigin::Corner)]
     pixel_origin: PixelOrigin,
@@ -192,7 +195,9 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
         })?;
     }
     drop(progress);
-    for note in table.mapping.bad.notes().into_iter().chain(calibrations.uncalibrated_notes()) {
+    let of_boxes = table.mapping.boxes.note().map(str::to_owned);
+    for note in of_boxes.into_iter().chain(table.mapping.bad.notes()).chain(calibrations.uncalibrated_notes())
+    {
         files::print_message(format_args!("calib: {note}"));
     }
     Ok(())
@@ -206,6 +211,9 @@ fn check(args: &Args) -> Result<(), CommandError> {
     }
     if args.to == To::Pixel && args.columns == Columns::Boxes {
         return refused("--columns boxes requires --to floor");
+    }
+    if args.box_form.is_some() && (args.to == To::Pixel || args.columns == Columns::Points) {
+        return refused("--box-form requires --to floor, and boxes in the table");
     }
     if args.to == To::Pixel && args.sigma_px.is_some() {
         return refused("--sigma-px requires --to floor");
@@ -238,6 +246,7 @@ fn mapping(args: &Args) -> Mapping {
     Mapping {
         to: args.to,
         columns: args.columns,
+        boxes: Boxes::new(args.box_form),
         height: args.height_m,
         sigma: args.sigma_px,
         replaces: args.replace,

@@ -6,8 +6,8 @@ use std::ffi::CString;
 use arrow_array::{RecordBatch, RecordBatchReader};
 use calib_core::floor::Stream;
 use calib_table::{
-    AtColumn, AtUnit, BadCells, BadRows, CalibrationRequest, Calibrations, CameraSource, Columns, Mapping,
-    RowName, Rows, TableError, To, Wording,
+    AtColumn, AtUnit, BadCells, BadRows, Boxes, CalibrationRequest, Calibrations, CameraSource, Columns,
+    Mapping, RowName, Rows, TableBoxForm, TableError, To, Wording,
 };
 use pyo3::exceptions::{PyTypeError, PyUserWarning};
 use pyo3::prelude::*;
@@ -30,6 +30,7 @@ struct TableOptions {
     at_unit: Option<AtUnit>,
     to: To,
     columns: Columns,
+    box_form: Option<TableBoxForm>,
     height: f64,
     sigma: Option<f64>,
     replaces: bool,
@@ -37,8 +38,8 @@ struct TableOptions {
     stream: Stream,
 }
 
-const OPTIONS: &str =
-    "camera, camera_column, at, at_column, at_unit, to, columns, height, sigma_px, replace, bad_rows";
+const OPTIONS: &str = "camera, camera_column, at, at_column, at_unit, to, columns, box_form, height, sigma_px, replace, \
+     bad_rows";
 
 const TO: [(&str, To); 2] = [("floor", To::Floor), ("pixel", To::Pixel)];
 const COLUMNS: [(&str, Columns); 3] =
@@ -78,6 +79,14 @@ impl TableOptions {
                         "\"auto\", \"points\" or \"boxes\"",
                     )?;
                 }
+                "box_form" => {
+                    asked.box_form = Some(choice(
+                        &value,
+                        "box_form",
+                        TableBoxForm::from_name,
+                        "\"xyxy\", \"xywh\", \"cxcywh\" or \"yolo\"",
+                    )?);
+                }
                 "height" => asked.height = real(Some(&value), "height", 0.0)?,
                 "sigma_px" => asked.sigma = Some(real(Some(&value), "sigma_px", 1.0)?),
                 "replace" => asked.replaces = value.extract()?,
@@ -111,6 +120,7 @@ impl TableOptions {
             at_unit: None,
             to: To::Floor,
             columns: Columns::Auto,
+            box_form: None,
             height: 0.0,
             sigma: None,
             replaces: false,
@@ -184,6 +194,7 @@ impl TableOptions {
         Mapping {
             to: self.to,
             columns: self.columns,
+            boxes: Boxes::new(self.box_form),
             height: self.height,
             sigma: self.sigma,
             replaces: self.replaces,
@@ -222,7 +233,9 @@ impl Site {
     /// at_column. at_column: name of the column with the time. at_unit: unit of numbers in that column,
     /// counted from 1970: "s", "ms", "us" or "ns"; by default the ending of its name. to: "floor" (columns u,
     /// v, or the boxes x, y, w, h) or "pixel" (columns x_m, y_m, z_m). columns: "points", "boxes" or "auto"
-    /// (points if there are u and v, otherwise boxes). height: height of the plane above the floor, in
+    /// (points if there are u and v, otherwise boxes). box_form: "xyxy" (two corners), "xywh" (upper left
+    /// corner, width and height), "cxcywh" (centre, width and height) or "yolo" (the same as fractions of the
+    /// stream); by default from the names of the columns. height: height of the plane above the floor, in
     /// metres. sigma_px: standard deviation of a detection, in pixels of the stream. replace: whether to
     /// replace existing columns of the table. bad_rows: "fail" raises for a cell that is not a number;
     /// "status" reports it in the status of its row. origin, stream_size, fit, crop: kind of pixels, see
@@ -231,7 +244,7 @@ impl Site {
     /// Returns: A table for `polars.DataFrame`, `pyarrow.table` or `pandas.DataFrame.from_arrow`.
     #[pyo3(
         signature = (table, **options),
-        text_signature = "($self, table, *, camera=None, camera_column=None, at=None, at_column=None, at_unit=None, to='floor', columns='auto', height=0.0, sigma_px=None, replace=False, bad_rows='fail', origin=None, stream_size=None, fit=None, crop=None)"
+        text_signature = "($self, table, *, camera=None, camera_column=None, at=None, at_column=None, at_unit=None, to='floor', columns='auto', box_form=None, height=0.0, sigma_px=None, replace=False, bad_rows='fail', origin=None, stream_size=None, fit=None, crop=None)"
     )]
     fn project(&self, table: &Bound<'_, PyAny>, options: Option<&Bound<'_, PyDict>>) -> PyResult<PyTable> {
         let py = table.py();

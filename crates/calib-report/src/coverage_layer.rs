@@ -61,7 +61,7 @@ pub(crate) fn draw_floor(
     for rectangle in coverage.rectangles() {
         let (low, high) = (rectangle.low, rectangle.high);
         let corners = [low, FloorPoint { x: high.x, ..low }, high, FloorPoint { x: low.x, ..high }];
-        svg.fill(&corners.map(on_plan), level_colour(rectangle.level), OPACITY);
+        svg.tile(&corners.map(on_plan), level_colour(rectangle.level), OPACITY);
     }
 }
 

@@ -57,7 +57,7 @@ impl CoveragePage<'_> {
              known person.</p>\n",
         );
         self.write_areas(html);
-        html.push_str("<table><thead><tr><th>Level<th class=n>Visible floor, m\u{b2}</tr></thead><tbody>\n");
+        html.push_str("<h3>Visible floor of each level</h3><table><thead><tr><th>Level<th class=n>Area, m\u{b2}</tr></thead><tbody>\n");
         for (level, area) in self.levels() {
             let _ = writeln!(html, "<tr><td>{}<td class=n>{area:.1}</tr>", escape(&level_text(level)));
         }
@@ -86,7 +86,7 @@ impl CoveragePage<'_> {
             return;
         }
         html.push_str(
-            "<table><thead><tr><th>Area<th>Required<th class=n>Reached<th class=n>Blind<th class=n>Lowest density, px/m<th>Result</tr></thead><tbody>\n",
+            "<h3>Areas of interest</h3><table><thead><tr><th>Area<th>Required<th class=n>Reached<th class=n>Blind<th class=n>Lowest density, px/m<th>Result</tr></thead><tbody>\n",
         );
         for result in &self.coverage.areas {
             let name = escape(result.area.name.as_deref().unwrap_or(&result.area.id));

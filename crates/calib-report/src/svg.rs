@@ -124,6 +124,15 @@ impl Svg {
         let _ = writeln!(self.body, r#"<path d="{path}" fill="{colour}" fill-opacity="{opacity:.3}"/>"#);
     }
 
+    /// Draws a filled polygon that adjoins others without a visible seam; `opacity` is from 0 to 1.
+    pub fn tile(&mut self, points: &[[f64; 2]], colour: Rgb, opacity: f64) {
+        let path = self.path(points, true);
+        let _ = writeln!(
+            self.body,
+            r#"<path d="{path}" fill="{colour}" fill-opacity="{opacity:.3}" shape-rendering="crispEdges"/>"#
+        );
+    }
+
     /// Draws a dot with a dark rim; `radius` is in screen pixels.
     pub fn dot(&mut self, [x, y]: [f64; 2], radius: f64, colour: Rgb) {
         let (radius, rim) = (radius * self.scale, self.scale);

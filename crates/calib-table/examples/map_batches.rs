@@ -8,7 +8,8 @@ use arrow_array::{ArrayRef, Float64Array, RecordBatch, StringArray};
 use calib_core::floor::Stream;
 use calib_site::Site;
 use calib_table::{
-    BadCells, BadRows, CalibrationRequest, Calibrations, CameraSource, Columns, Mapping, Rows, To, Wording,
+    BadCells, BadRows, Boxes, CalibrationRequest, Calibrations, CameraSource, Columns, Mapping, Rows, To,
+    Wording,
 };
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -29,6 +30,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mapping = Mapping {
         to: To::Floor,
         columns: Columns::Points,
+        boxes: Boxes::default(),
         height: 0.0,
         sigma: Some(2.0),
         replaces: false,

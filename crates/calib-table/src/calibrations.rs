@@ -33,6 +33,8 @@ pub(crate) struct Calibration {
     pub(crate) projector: FloorProjector,
     /// Mapping between the stream of the detections and the image.
     pub(crate) stream: StreamMap,
+    /// Width and height of the stream, in its pixels.
+    pub(crate) stream_size: [f64; 2],
     size: [f64; 2],
     efov: Vec<FloorPoint>,
     entry: CalibrationPeriod,
@@ -60,6 +62,8 @@ pub struct Calibrations {
     /// SHA-256 of the site file.
     sha256: String,
     wording: Wording,
+    /// Whether the size of the stream is given.
+    has_stream_size: bool,
     notes: Vec<String>,
     /// Number of rows without a calibration, by camera id; limited to [`MAX_UNCALIBRATED_IDS`] ids.
     uncalibrated: BTreeMap<String, u64>,
@@ -131,6 +135,11 @@ impl Calibration {
         Ok(Self {
             projector: FloorProjector::new(&camera, wanted.height),
             stream,
+            stream_size: match (wanted.stream.size, wanted.stream.crop) {
+                (Some(size), _) => size.map(f64::from),
+                (None, Some([_, _, width, height])) => [width, height],
+                (None, None) => entry.size(),
+            },
             size: entry.size(),
             efov: site.efov_on_floor(entry),
             entry: CalibrationPeriod { camera: entry.id.clone(), from, to, period },
@@ -150,6 +159,7 @@ impl Calibrations {
     /// Fails if no requested camera is calibrated, or if the stream does not match an image. Also fails if a
     /// camera has several periods but the rows have no time.
     pub fn from_site(site: &Site, sha256: String, wanted: CalibrationRequest) -> Result<Self, TableError> {
+        let has_stream_size = wanted.stream.size.is_some();
         let mut notes = Vec::new();
         let is_wanted = |entry: &&SiteCamera| match &wanted.camera {
             CameraSource::Only(id) => entry.id == *id,
@@ -204,9 +214,22 @@ impl Calibrations {
             at,
             sha256,
             wording,
+            has_stream_size,
             notes,
             uncalibrated: lost,
             uncalibrated_others: 0,
+        })
+    }
+
+    /// Whether the size of the stream is given.
+    pub(crate) const fn has_stream_size(&self) -> bool {
+        self.has_stream_size
+    }
+
+    /// Returns the largest width and height of all streams, in their pixels.
+    pub(crate) fn largest_stream(&self) -> [f64; 2] {
+        self.list.iter().fold([0.0; 2], |[w, h]: [f64; 2], calibration| {
+            [w.max(calibration.stream_size[0]), h.max(calibration.stream_size[1])]
         })
     }
 

@@ -84,10 +84,12 @@ impl BadCells {
     }
 }
 
-/// Returns the column with a name; JSON values become plain text.
+/// Returns the column with a name, or otherwise with this name in another case. JSON values become plain text.
 pub(crate) fn column(batch: &RecordBatch, name: &str) -> Option<ArrayRef> {
     let schema = batch.schema();
-    let (index, field) = schema.column_with_name(name)?;
+    let in_any_case = || schema.fields().iter().position(|field| field.name().eq_ignore_ascii_case(name));
+    let index = schema.column_with_name(name).map(|(index, _)| index).or_else(in_any_case)?;
+    let field = schema.field(index);
     let column = batch.column(index);
     Some(if is_json(field) { plain(column) } else { column.clone() })
 }

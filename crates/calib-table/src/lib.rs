@@ -8,6 +8,7 @@
 //! - `cast`, `json_text`: conversion of Arrow and JSON columns to numbers and text
 //! - `columns`: columns of numbers and times, with the handling of invalid cells
 //! - `calibrations`: selection of the calibration of each row
+//! - `boxes`: columns and forms of boxes
 //! - `mapping`: mapped columns of a table
 //! - `sightings`: sightings of people, for drift detection
 //! - `table_error`, `wording`: errors, and the style of option names in messages
@@ -18,9 +19,11 @@ mod json_text;
 mod cast;
 mod columns;
 mod calibrations;
+mod boxes;
 mod mapping;
 mod sightings;
 
+pub use boxes::{Boxes, TableBoxForm};
 pub use calibrations::{CalibrationRequest, Calibrations, CameraSource, TableCamera};
 pub use columns::{AtColumn, AtUnit, BadCells, BadRows, RowName};
 pub use json_text::{is_json, json_field, plain};

@@ -9,9 +9,10 @@ use std::sync::Arc;
 use arrow_array::builder::StringBuilder;
 use arrow_array::{ArrayRef, Float64Array, RecordBatch, RecordBatchOptions};
 use arrow_schema::{Field, Schema};
-use calib_core::floor::{BoxForm, StreamMap, SurfacePoint};
+use calib_core::floor::{StreamMap, SurfacePoint};
 use calib_core::{FloorCovariance, Pixel, Status, SurfaceProjector, WorldPoint};
 
+use crate::boxes::{BoxColumns, Boxes};
 use crate::calibrations::{Calibration, Calibrations, Choice, Planes};
 use crate::columns::{BadCells, RowName, names, numbers};
 use crate::table_error::TableError;
@@ -129,7 +130,7 @@ impl PlanePoints {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum To {
-    /// Columns `u,v` (or the boxes `x,y,w,h`) to `x_m,y_m,status`; if planes of the site have regions, also
+    /// Columns `u,v` (or boxes) to `x_m,y_m,status`; if planes of the site have regions, also
     /// `z_m` and `plane`, the id of the first plane that a pixel shows
     Floor,
     /// Columns `x_m,y_m,z_m` to `u,v,status`
@@ -144,7 +145,7 @@ pub enum Columns {
     Auto,
     /// Points: `u,v`
     Points,
-    /// Boxes: `x,y` of the upper left corner, and `w,h`; the foot is the middle of the lower edge
+    /// Boxes: `x,y,w,h`, `x1,y1,x2,y2` or other usual names; the foot is the middle of the lower edge
     Boxes,
 }
 
@@ -165,6 +166,8 @@ pub struct Mapping {
     pub to: To,
     /// Type of the pixels: points or boxes.
     pub columns: Columns,
+    /// Reader of boxes.
+    pub boxes: Boxes,
     /// Height above the floor of the plane that pixels are mapped to, in metres. It is also the z of 3D
     /// points in a table without the column `z_m`.
     pub height: f64,
@@ -188,7 +191,7 @@ impl Mapping {
         calibrations: &mut Calibrations,
         Rows { row_name, is_incomplete }: Rows<'_>,
     ) -> Result<RecordBatch, TableError> {
-        let mut points = self.points(batch, row_name)?;
+        let mut points = self.points(batch, calibrations, row_name)?;
         for row in (0..batch.num_rows()).filter(|&row| is_incomplete(row)) {
             self.bad.count_incomplete_row();
             points.a[row] = f64::NAN;
@@ -223,9 +226,14 @@ impl Mapping {
     }
 
     /// Reads the input points: pixels of the stream, or 3D points.
-    fn points(&self, batch: &RecordBatch, row_name: RowName<'_>) -> Result<Points, TableError> {
+    fn points(
+        &self,
+        batch: &RecordBatch,
+        calibrations: &Calibrations,
+        row_name: RowName<'_>,
+    ) -> Result<Points, TableError> {
         let schema = batch.schema();
-        let has = |name: &str| schema.column_with_name(name).is_some();
+        let has = |name: &str| schema.fields().iter().any(|field| field.name().eq_ignore_ascii_case(name));
         if self.to == To::Pixel {
             let [a, b] = numbers(batch, ["x_m", "y_m"], "x_m,y_m,z_m", row_name, &self.bad)?;
             let c = if has("z_m") {
@@ -234,32 +242,55 @@ impl Mapping {
             } else {
                 vec![self.height; a.len()]
             };
-            return Ok(Points { a, b, c });
+            return Ok(Points { a, b, c, are_fractions: false });
         }
-        let boxes = match self.columns {
-            Columns::Auto => !(has("u") && has("v")) && has("w") && has("h"),
-            columns => columns == Columns::Boxes,
+        let columns = match self.columns {
+            Columns::Points => None,
+            Columns::Auto if has("u") && has("v") && !self.boxes.is_stated() => None,
+            Columns::Auto | Columns::Boxes => self.boxes.columns(batch),
         };
-        let [a, b] = if boxes { self.feet(batch, row_name)? } else { self.pixels(batch, row_name)? };
-        Ok(Points { a, b, c: Vec::new() })
+        if let Some(columns) = columns {
+            return self.feet(batch, &columns, calibrations, row_name);
+        }
+        let [a, b] = self.pixels(batch, row_name)?;
+        Ok(Points { a, b, c: Vec::new(), are_fractions: false })
     }
 
     fn pixels(&self, batch: &RecordBatch, row_name: RowName<'_>) -> Result<[Vec<f64>; 2], TableError> {
-        let expected = if self.columns == Columns::Auto { "u,v or x,y,w,h" } else { "u,v" };
-        numbers(batch, ["u", "v"], expected, row_name, &self.bad)
+        let (names, expected) = match self.columns {
+            Columns::Points => (["u", "v"], "u,v"),
+            Columns::Boxes => (["x", "y"], BOXES),
+            Columns::Auto if self.boxes.is_stated() => (["x", "y"], BOXES),
+            Columns::Auto => (["u", "v"], "u,v, or x,y,w,h or x1,y1,x2,y2 for boxes"),
+        };
+        if names == ["u", "v"] {
+            return numbers(batch, names, expected, row_name, &self.bad);
+        }
+        // The columns of boxes are not complete, so this names the missing ones.
+        numbers(batch, ["x", "y", "w", "h"], expected, row_name, &self.bad).map(|[x, y, _, _]| [x, y])
     }
 
-    /// Reads boxes, and returns their foot points u, v: the middles of the lower edges, in pixels of the
-    /// stream.
-    fn feet(&self, batch: &RecordBatch, row_name: RowName<'_>) -> Result<[Vec<f64>; 2], TableError> {
-        let names = ["x", "y", "w", "h"];
-        let [mut x, mut y, w, h] = numbers(batch, names, "x,y,w,h", row_name, &self.bad)?;
-        for row in 0..x.len() {
-            [x[row], y[row]] = BoxForm::CornerSize.foot([x[row], y[row], w[row], h[row]]);
+    /// Reads boxes, and returns their foot points u, v: the middles of the lower edges.
+    fn feet(
+        &self,
+        batch: &RecordBatch,
+        columns: &BoxColumns,
+        calibrations: &Calibrations,
+        row_name: RowName<'_>,
+    ) -> Result<Points, TableError> {
+        let names = columns.names.each_ref().map(String::as_str);
+        let values = numbers(batch, names, BOXES, row_name, &self.bad)?;
+        let are_fractions = self.boxes.are_normalised(columns, &values, calibrations, self.bad.wording())?;
+        let [mut a, mut b, c, d] = values;
+        for row in 0..a.len() {
+            [a[row], b[row]] = columns.form.foot([a[row], b[row], c[row], d[row]]);
         }
-        Ok([x, y])
+        Ok(Points { a, b, c: Vec::new(), are_fractions })
     }
 }
+
+/// Columns of boxes, for messages.
+const BOXES: &str = "x,y,w,h or x1,y1,x2,y2";
 
 /// Input points, column by column: u, v in pixels of the stream, or x, y, z in metres; NaN for missing
 /// values.
@@ -268,6 +299,8 @@ struct Points {
     b: Vec<f64>,
     /// Heights z of 3D points, in metres; empty for pixels.
     c: Vec<f64>,
+    /// Whether pixels are given as fractions of the stream's width and height.
+    are_fractions: bool,
 }
 
 /// Mapped points, column by column: x, y in metres, or u, v in pixels, and statuses.
@@ -306,7 +339,7 @@ impl Points {
             [] => Vec::new(),
             _ => rows.iter().map(|&row| values[row]).collect(),
         };
-        Self { a: pick(&self.a), b: pick(&self.b), c: pick(&self.c) }
+        Self { a: pick(&self.a), b: pick(&self.b), c: pick(&self.c), are_fractions: self.are_fractions }
     }
 
     /// Maps all points with one calibration.
@@ -320,9 +353,15 @@ impl Points {
     fn to_floor(&self, mapping: &Mapping, calibration: &Calibration, planes: &Planes) -> MappedPoints {
         let stream = calibration.stream;
         let in_still = |axis, values: &[f64]| -> Vec<f64> {
-            values.iter().map(|&value| stream.to_image(axis, value)).collect()
+            let size = calibration.stream_size[axis];
+            let to_image = |&value: &f64| match self.are_fractions {
+                true => stream.corner_to_image(axis, size * value),
+                false => stream.to_image(axis, value),
+            };
+            values.iter().map(to_image).collect()
         };
-        let scaled = (stream != StreamMap::STILL).then(|| [in_still(0, &self.a), in_still(1, &self.b)]);
+        let scaled = (self.are_fractions || stream != StreamMap::STILL)
+            .then(|| [in_still(0, &self.a), in_still(1, &self.b)]);
         let [u, v] = scaled.as_ref().map_or([&self.a, &self.b], |[u, v]| [u, v]);
         if !planes.ids.is_empty() {
             return PlanePoints::map(calibration, planes, [u, v], mapping.height, mapping.sigma);

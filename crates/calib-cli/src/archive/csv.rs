@@ -17,6 +17,7 @@ use arrow_schema::{DataType, Field, Schema, SchemaRef};
 use calib_formats::is_spreadsheet_formula;
 
 use super::arrow::to_utc;
+use super::text::{CsvText, decimal_point};
 use super::{
     BATCH_ROWS, CELL_BYTES, CONTINUE_HINT, Input, MAX_COLUMNS, MAX_ROW_BYTES, Output, OutputOptions,
     ReadOptions, Sink, Source, TYPE_INFERENCE_ROWS,
@@ -38,6 +39,8 @@ struct Csv {
     /// Columns that stay text.
     as_text: Vec<String>,
     keeps_incomplete: bool,
+    /// Whether a comma in a number is a decimal point.
+    has_decimal_commas: bool,
     record: ByteRecord,
     /// First batch; the types were inferred from it.
     first: Option<RecordBatch>,
@@ -64,8 +67,13 @@ impl Read for LimitedReader {
 
 pub(super) fn open(input: Input, purpose: ReadOptions<'_>) -> Result<Box<dyn Source>, CommandError> {
     let (name, left) = (input.name.clone(), Rc::new(Cell::new(MAX_ROW_BYTES)));
-    let limited = LimitedReader { from: input.into_read(), left: Rc::clone(&left) };
-    let mut reader = ReaderBuilder::new().flexible(purpose.keeps_incomplete).from_reader(limited);
+    let CsvText { reader: text, separator, notes } = CsvText::new(input.into_read())?;
+    for note in notes {
+        print_message(format_args!("calib: {name}: {note}"));
+    }
+    let limited = LimitedReader { from: text, left: Rc::clone(&left) };
+    let mut reader =
+        ReaderBuilder::new().delimiter(separator).flexible(purpose.keeps_incomplete).from_reader(limited);
     let header = reader.headers().map_err(|error| CommandError::invalid(&name, error))?;
     if header.len() > MAX_COLUMNS {
         let what = format!("found {} columns, expected at most {MAX_COLUMNS}", header.len());
@@ -84,6 +92,7 @@ pub(super) fn open(input: Input, purpose: ReadOptions<'_>) -> Result<Box<dyn Sou
         needs_types,
         as_text,
         keeps_incomplete: purpose.keeps_incomplete,
+        has_decimal_commas: separator != b',',
         record: ByteRecord::new(),
         first: None,
         lines: Vec::new(),
@@ -167,7 +176,8 @@ impl Csv {
             let is_kept = is_whole || !(self.needs_types || self.has_types());
             for (index, column) in columns.iter_mut().enumerate() {
                 let cell = self.record.get(index).filter(|cell| is_kept && !cell.is_empty());
-                let text = cell.map(String::from_utf8_lossy);
+                let number = cell.filter(|_| self.has_decimal_commas).and_then(decimal_point);
+                let text = number.as_deref().or(cell).map(String::from_utf8_lossy);
                 bytes += text.as_ref().map_or(0, |text| text.len()) + CELL_BYTES;
                 column.append_option(text);
             }

@@ -2,10 +2,12 @@
 //!
 //! A reader never allocates memory for a size that the input only states. Files, in the order of the data:
 //! - `input`: input files and pipes, with decompression
+//! - `text`: encoding and separator of CSV text
 //! - `csv`, `ndjson`, `arrow`, `parquet`: readers and writers of one format each
 //! - `page_guard`, `zstd_bound`: limits for the decompressed size of Parquet pages
 
 mod arrow;
+mod text;
 mod csv;
 mod input;
 mod ndjson;

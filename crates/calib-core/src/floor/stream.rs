@@ -187,6 +187,14 @@ impl StreamMap {
         (value + self.origin - self.bar[axis]) / self.scale[axis] + self.corner[axis]
     }
 
+    /// Maps a stream coordinate to the calibrated image, as [`Self::to_image`]. The coordinate counts from the
+    /// corner of the stream, whatever the pixel origin.
+    #[inline]
+    #[must_use]
+    pub fn corner_to_image(&self, axis: usize, value: f64) -> f64 {
+        self.to_image(axis, value - self.origin)
+    }
+
     /// Maps a coordinate of the calibrated image to the stream. Axis 0 is x, axis 1 is y.
     #[inline]
     #[must_use]

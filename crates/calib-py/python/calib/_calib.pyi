@@ -187,7 +187,8 @@ class Site:
         self, table: ArrowStream, *, camera: str | None = None, camera_column: str | None = None,
         at: str | datetime | None = None, at_column: str | None = None,
         at_unit: Literal["s", "ms", "us", "ns"] | None = None, to: Literal["floor", "pixel"] = "floor",
-        columns: Literal["auto", "points", "boxes"] = "auto", height: float = 0.0, sigma_px: float | None = None,
+        columns: Literal["auto", "points", "boxes"] = "auto",
+        box_form: Literal["xyxy", "xywh", "cxcywh", "yolo"] | None = None, height: float = 0.0, sigma_px: float | None = None,
         replace: bool = False, bad_rows: Literal["fail", "status"] = "fail", origin: Origin | None = None,
         stream_size: Size | None = None, fit: Fit | None = None, crop: Crop | None = None,
     ) -> ArrowStream: ...
