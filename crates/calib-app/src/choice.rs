@@ -57,9 +57,15 @@ impl Chosen {
     }
 }
 
-/// File name endings of images.
-pub(crate) const IMAGES: &[&str] = &["png", "jpg", "jpeg"];
-/// File name endings of floor plans.
-pub(crate) const PLANS: &[&str] = &["png", "jpg", "jpeg", "svg"];
+/// Returns the file name endings of images.
+pub(crate) fn images() -> Vec<&'static str> {
+    calib_input::image_endings().collect()
+}
+
+/// Returns the file name endings of floor plans.
+pub(crate) fn plans() -> Vec<&'static str> {
+    calib_input::image_endings().chain(["svg"]).collect()
+}
+
 /// File name endings of site files.
 pub(crate) const SITE: &[&str] = &["json"];

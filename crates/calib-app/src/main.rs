@@ -39,7 +39,7 @@ const HELP: &str = "Calibrates cameras from their still images, in a window.
 
 Usage: calib-app [FILE]...
 
-FILE is a site (.json), an image (.png, .jpg), a folder of images, or a floor plan (.svg).
+FILE is a site (.json), an image (such as .png or .jpg), a folder of images, or a floor plan (.svg).
 
 Options:
   -h, --help     say this

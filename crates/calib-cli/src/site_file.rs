@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use base64::Engine as _;
 use calib_core::Code;
-use calib_input::{FileError, decode, image_size};
+use calib_input::{FileError, decode, image_endings, image_size};
 use calib_report::shortened_list;
-use calib_site::{MAX_BYTES, Names, Options, Site, SiteCamera, Warning};
+use calib_site::{MAX_BYTES, Names, Options, Site, SiteCamera, Warning, counted};
 use image::RgbImage;
 use jiff::Timestamp;
 use sha2::{Digest as _, Sha256};
@@ -302,23 +302,47 @@ pub(crate) fn list_images(given: &[PathBuf]) -> Result<Vec<PathBuf>, CommandErro
         let reading = || format!("reading {}", path.display());
         let entries = std::fs::read_dir(path).with_context(reading)?;
         let paths = entries.map(|entry| entry.map(|entry| entry.path()));
-        let mut inside = paths.collect::<Result<Vec<PathBuf>, _>>().with_context(reading)?;
-        inside.retain(|path| is_image_path(path));
+        let all = paths.collect::<Result<Vec<PathBuf>, _>>().with_context(reading)?;
+        let (mut inside, others): (Vec<PathBuf>, Vec<PathBuf>) =
+            all.into_iter().partition(|path| is_image_path(path));
         inside.sort();
         if inside.is_empty() {
+            let endings: Vec<String> = image_endings().map(|ending| format!(".{ending}")).collect();
             return Err(CommandError::invalid(
                 path.display(),
-                "this folder contains no images (.png, .jpg, .jpeg)",
+                format!("this folder contains no images ({})", endings.join(", ")),
             ));
         }
+        report_skipped(path, others);
         found.extend(inside);
     }
     Ok(found)
 }
 
+/// Reports the files of a folder that are not read. Files whose names begin with a dot are hidden.
+fn report_skipped(folder: &Path, others: Vec<PathBuf>) {
+    let name = |path: &PathBuf| path.file_name().map(|name| name.to_string_lossy().into_owned());
+    let mut names: Vec<String> = others
+        .iter()
+        .filter(|path| path.is_file())
+        .filter_map(name)
+        .filter(|n| !n.starts_with('.'))
+        .collect();
+    names.sort();
+    if names.is_empty() {
+        return;
+    }
+    print_message(format_args!(
+        "calib: {}: skipped {} that cannot be read as images: {}",
+        folder.display(),
+        counted(names.len(), "file", "files"),
+        shortened_list(names.iter().map(String::as_str))
+    ));
+}
+
 fn is_image_path(path: &Path) -> bool {
     let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
-    path.is_file() && matches!(extension.as_deref(), Some("png" | "jpg" | "jpeg"))
+    path.is_file() && image_endings().any(|ending| extension.as_deref() == Some(ending))
 }
 
 /// Reads an image within size limits.

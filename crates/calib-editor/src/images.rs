@@ -21,7 +21,7 @@ pub fn has_ending(path: &Path, ending: &str) -> bool {
 /// Whether a file name has the extension of a supported image format.
 #[must_use]
 pub fn is_image(path: &Path) -> bool {
-    ["png", "jpg", "jpeg"].iter().any(|ending| has_ending(path, ending))
+    calib_input::image_endings().any(|ending| has_ending(path, ending))
 }
 
 /// Returns the part of a path after its last separator, `/` or `\`.
@@ -46,8 +46,24 @@ pub fn camera_name(path: &Path) -> String {
 /// Returns the MIME type of an image by its file name.
 #[must_use]
 pub fn mime(name: &str) -> &'static str {
-    if name.to_lowercase().ends_with(".png") { "image/png" } else { "image/jpeg" }
+    let ending = Path::new(name).extension().map(|ending| ending.to_string_lossy().to_lowercase());
+    MIME_TYPES
+        .iter()
+        .find(|(own, ..)| ending.as_deref() == Some(*own))
+        .map_or("image/jpeg", |(_, mime, _)| *mime)
 }
+
+/// Endings, MIME types and first bytes of image files. The first ending of a type is the usual one.
+const MIME_TYPES: [(&str, &str, &[u8]); 8] = [
+    ("jpg", "image/jpeg", b"\xFF\xD8"),
+    ("jpeg", "image/jpeg", b"\xFF\xD8"),
+    ("png", "image/png", b"\x89PNG"),
+    ("webp", "image/webp", b"RIFF"),
+    ("bmp", "image/bmp", b"BM"),
+    ("gif", "image/gif", b"GIF8"),
+    ("tif", "image/tiff", b"II*\0"),
+    ("tiff", "image/tiff", b"MM\0*"),
+];
 
 /// Files that may be read without asking: files in the site's folder, and files that the operator chose or
 /// allowed. Without this limit, the author of a site file could name any image on this computer, and receive
@@ -186,7 +202,7 @@ impl Images {
     /// # Errors
     /// The file is missing and cannot be rendered.
     pub fn embedded(&self, name: &str, read: ReadFile) -> FileResult<(String, Arc<[u8]>)> {
-        let bytes = self.reader(name).read(read)?;
+        let bytes = shown_by_browsers(self.reader(name).read(read)?)?;
         Ok((data_uri(mime_of(&bytes), &bytes), bytes))
     }
 
@@ -196,7 +212,8 @@ impl Images {
         let mut site = site.clone();
         for image in images_mut(&mut site) {
             if let Some(stored) = self.stored.get(image.as_str()) {
-                let end = if stored.mime == "image/png" { "png" } else { "jpg" };
+                let of_type = MIME_TYPES.iter().find(|(_, mime, _)| *mime == stored.mime);
+                let end = of_type.map_or("jpg", |(ending, ..)| *ending);
                 let made_up = || format!("{}.{end}", image.trim_start_matches(STORED_PREFIX));
                 *image = stored.name.clone().unwrap_or_else(made_up);
             }
@@ -332,7 +349,20 @@ pub(crate) fn images_mut(site: &mut Site) -> impl Iterator<Item = &mut String> {
 
 /// Returns the MIME type of an image by its first bytes.
 fn mime_of(bytes: &[u8]) -> &'static str {
-    if bytes.starts_with(&[0xff, 0xd8]) { "image/jpeg" } else { "image/png" }
+    let known = MIME_TYPES.iter().find(|(.., head)| bytes.starts_with(head));
+    known.map_or("image/png", |(_, mime, _)| *mime)
+}
+
+/// Converts an image that browsers do not show to JPEG. Other images are returned unchanged.
+fn shown_by_browsers(bytes: Arc<[u8]>) -> FileResult<Arc<[u8]>> {
+    if mime_of(&bytes) != "image/tiff" {
+        return Ok(bytes);
+    }
+    let image = calib_input::decode(&bytes).map_err(|error| error.to_string())?;
+    let mut jpeg = Vec::new();
+    let encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 95);
+    image.write_with_encoder(encoder).map_err(|error| error.to_string())?;
+    Ok(jpeg.into())
 }
 
 /// Returns bytes with their MIME type as a `data:` URI.

@@ -1,11 +1,15 @@
 //! Image decoding to RGB pixels within memory limits, and a check of JPEG markers without decoding. A size in
 //! the header is accepted only if the number of bytes is plausible for it.
+//!
+//! Images with 16 bits per channel, such as those of thermal cameras, often use a small part of their range.
+//! Their range is stretched to 8 bits: the darkest and the brightest thousandth of the values become black and
+//! white.
 
 use std::fmt;
 use std::io::Cursor;
 
 use image::metadata::Orientation;
-use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, RgbImage};
+use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Rgb, RgbImage};
 
 use crate::clock;
 use crate::file::{OutOfMemory, allocate, check_memory};
@@ -81,14 +85,23 @@ const MAX_METADATA_BYTES: u64 = 32 << 20;
 const MAX_PIXELS_PER_JPEG_BYTE: u64 = 512;
 /// Maximum number of decoded bytes per byte of a PNG, limited by deflate.
 const MAX_BYTES_PER_PNG_BYTE: u64 = 1032;
+/// Maximum number of pixels per byte of an image in another format.
+const MAX_PIXELS_PER_BYTE: u64 = 1 << 16;
 /// Memory of a coefficient of a progressive JPEG, in bytes.
 const COEFFICIENT_BYTES: u64 = 2;
 
 /// Reason why an image is not decoded.
 #[derive(Debug)]
 pub enum ImageFileError {
-    /// Data that is neither PNG nor JPEG, or is damaged.
+    /// Data that is not an image, or is damaged.
     Broken(ImageError),
+    /// File of a known format that cannot be read.
+    Unsupported {
+        /// Name of the format.
+        format: &'static str,
+        /// What the operator can do.
+        advice: &'static str,
+    },
     /// Truncated image.
     Truncated {
         /// Width and height in the header, in pixels.
@@ -116,7 +129,10 @@ impl fmt::Display for ImageFileError {
                  without it",
                 MAX_METADATA_BYTES >> 20
             ),
-            Self::Broken(error) => write!(f, "not a complete PNG or JPEG image: {error}"),
+            Self::Broken(error) => write!(f, "not a complete image: {error}"),
+            Self::Unsupported { format, advice } => {
+                write!(f, "this is {format}, which cannot be read here; {advice}")
+            }
             Self::Truncated { size: [w, h], bytes } => write!(
                 f,
                 "the image is truncated: its header states {w} x {h} pixels, but the file has only {bytes} \
@@ -200,7 +216,82 @@ pub fn decode(bytes: &[u8]) -> Result<RgbImage, ImageFileError> {
     check_decoder_memory(&decoder, bytes, 0)?;
     let mut image = pixels(decoder)?;
     image.apply_orientation(orientation);
-    Ok(image.into_rgb8())
+    Ok(match image {
+        DynamicImage::ImageLuma16(_)
+        | DynamicImage::ImageLumaA16(_)
+        | DynamicImage::ImageRgb16(_)
+        | DynamicImage::ImageRgba16(_) => stretch(&image.into_rgb16()),
+        image => image.into_rgb8(),
+    })
+}
+
+/// Converts an image of 16 bits per channel to 8 bits. All channels are stretched alike.
+fn stretch(image: &image::ImageBuffer<Rgb<u16>, Vec<u16>>) -> RgbImage {
+    /// Share of the values that become black, and that become white.
+    const CLIPPED: f64 = 0.001;
+    let mut counts = vec![0_u64; 1 << 16];
+    image.as_raw().iter().for_each(|&value| counts[usize::from(value)] += 1);
+    let clipped = (CLIPPED * image.as_raw().len() as f64) as u64;
+    let bound = |mut values: Box<dyn Iterator<Item = usize>>| {
+        let mut below = 0;
+        values.find(|&value| {
+            below += counts[value];
+            below > clipped
+        })
+    };
+    let low = bound(Box::new(0..counts.len())).unwrap_or(0);
+    let high = bound(Box::new((0..counts.len()).rev())).unwrap_or(counts.len() - 1);
+    let range = high.saturating_sub(low).max(1) as f64;
+    let to_8_bits: Vec<u8> = (0..counts.len())
+        .map(|value| (255.0 * (value as f64 - low as f64) / range).round().clamp(0.0, 255.0) as u8)
+        .collect();
+    RgbImage::from_fn(image.width(), image.height(), |x, y| {
+        Rgb(image.get_pixel(x, y).0.map(|value| to_8_bits[usize::from(value)]))
+    })
+}
+
+/// Returns the name of a format that is not read, and advice, from the first bytes.
+fn unsupported(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
+    const SAVE: &str = "save it as JPEG or PNG";
+    const FRAME: &str = "save one frame of it as JPEG or PNG";
+    let brand = bytes.get(4..12).and_then(|head| head.strip_prefix(b"ftyp"));
+    match (bytes, brand) {
+        (_, Some(b"heic" | b"heix" | b"hevc" | b"heim" | b"heis" | b"mif1" | b"msf1")) => Some((
+            "an HEIC image",
+            "save it as JPEG (on an iPhone: Settings, Camera, Formats, Most Compatible)",
+        )),
+        (_, Some(b"avif" | b"avis")) => Some(("an AVIF image", SAVE)),
+        (_, Some(_)) => Some(("a video", FRAME)),
+        ([0x1A, 0x45, 0xDF, 0xA3, ..], _) => Some(("a video", FRAME)),
+        ([b'R', b'I', b'F', b'F', _, _, _, _, b'A', b'V', b'I', ..], _) => Some(("a video", FRAME)),
+        ([0xFF, 0x0A, ..] | [0, 0, 0, 0x0C, b'J', b'X', b'L', ..], _) => Some(("a JPEG XL image", SAVE)),
+        ([0, 0, 0, 0x0C, b'j', b'P', ..], _) => Some(("a JPEG 2000 image", SAVE)),
+        ([b'8', b'B', b'P', b'S', ..], _) => Some(("a Photoshop image", SAVE)),
+        ([b'%', b'P', b'D', b'F', ..], _) => Some(("a PDF document", SAVE)),
+        _ => match image::guess_format(bytes).ok()? {
+            format if format.reading_enabled() => None,
+            ImageFormat::WebP => Some(("a WebP image", SAVE)),
+            ImageFormat::Tiff => Some(("a TIFF image", SAVE)),
+            ImageFormat::Bmp => Some(("a BMP image", SAVE)),
+            ImageFormat::Gif => Some(("a GIF image", SAVE)),
+            _ => Some(("an image of another format", SAVE)),
+        },
+    }
+}
+
+/// Returns the file name endings of the images that can be read, in lower case.
+pub fn image_endings() -> impl Iterator<Item = &'static str> {
+    const ENDINGS: [(&str, ImageFormat); 8] = [
+        ("png", ImageFormat::Png),
+        ("jpg", ImageFormat::Jpeg),
+        ("jpeg", ImageFormat::Jpeg),
+        ("webp", ImageFormat::WebP),
+        ("tif", ImageFormat::Tiff),
+        ("tiff", ImageFormat::Tiff),
+        ("bmp", ImageFormat::Bmp),
+        ("gif", ImageFormat::Gif),
+    ];
+    ENDINGS.into_iter().filter(|(_, format)| format.reading_enabled()).map(|(ending, _)| ending)
 }
 
 fn pixels(decoder: impl ImageDecoder) -> Result<DynamicImage, ImageFileError> {
@@ -222,13 +313,21 @@ fn pixels(decoder: impl ImageDecoder) -> Result<DynamicImage, ImageFileError> {
 fn decode_memory(decoder: &impl ImageDecoder, bytes: &[u8]) -> u64 {
     let (width, height) = decoder.dimensions();
     let pixels = u64::from(width) * u64::from(height);
-    let rgb = if decoder.color_type() == image::ColorType::Rgb8 { 0 } else { 3 * pixels };
+    let rgb = match decoder.color_type() {
+        image::ColorType::Rgb8 => 0,
+        image::ColorType::L8 | image::ColorType::La8 | image::ColorType::Rgba8 => 3 * pixels,
+        // The three channels of 16 bits, and of 8 bits.
+        _ => 9 * pixels,
+    };
     let is_progressive = JpegInfo::from_bytes(bytes).is_some_and(|jpeg| jpeg.is_progressive);
     let kept = if is_progressive { 3 * COEFFICIENT_BYTES * pixels } else { 0 };
     decoder.total_bytes().saturating_add(rgb).saturating_add(kept)
 }
 
 fn open_decoder(bytes: &[u8]) -> Result<(impl ImageDecoder + '_, Orientation), ImageFileError> {
+    if let Some((format, advice)) = unsupported(bytes) {
+        return Err(ImageFileError::Unsupported { format, advice });
+    }
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(ImageError::from)?;
     // This limit applies to metadata, which the library reads with the header. The memory for pixels is
     // checked before they are decoded.
@@ -257,7 +356,7 @@ fn is_truncated(decoder: &impl ImageDecoder, format: Option<ImageFormat>, bytes:
             let bits = u64::from(decoder.original_color_type().bits_per_pixel());
             (pixels / 8).saturating_mul(bits) > MAX_BYTES_PER_PNG_BYTE * length
         }
-        _ => false,
+        _ => pixels > MAX_PIXELS_PER_BYTE * length,
     }
 }
 
@@ -267,7 +366,7 @@ mod tests {
 
     fn jpeg() -> Vec<u8> {
         let mut bytes = Vec::new();
-        let image = RgbImage::from_fn(64, 48, |x, y| image::Rgb([x as u8, y as u8, (x * y) as u8]));
+        let image = RgbImage::from_fn(64, 48, |x, y| Rgb([x as u8, y as u8, (x * y) as u8]));
         let encoder = image::codecs::jpeg::JpegEncoder::new(&mut bytes);
         assert!(image.write_with_encoder(encoder).is_ok());
         bytes
@@ -299,7 +398,7 @@ mod tests {
 
     fn encoded(format: ImageFormat) -> Vec<u8> {
         let mut bytes = Cursor::new(Vec::new());
-        let image = RgbImage::from_fn(320, 200, |x, y| image::Rgb([x as u8, y as u8, 9]));
+        let image = RgbImage::from_fn(320, 200, |x, y| Rgb([x as u8, y as u8, 9]));
         assert!(image.write_to(&mut bytes, format).is_ok());
         bytes.into_inner()
     }
@@ -320,8 +419,42 @@ mod tests {
     }
 
     #[test]
+    fn narrow_range_of_16_bits_is_stretched() {
+        // A thermal image: values from 29,000 to 30,024, and one hot pixel.
+        let thermal = image::ImageBuffer::from_fn(64, 64, |x, y| {
+            image::Luma([if (x, y) == (0, 0) { u16::MAX } else { 29_000 + 16 * x as u16 }])
+        });
+        let mut bytes = Cursor::new(Vec::new());
+        DynamicImage::ImageLuma16(thermal).write_to(&mut bytes, ImageFormat::Png).unwrap();
+        let found = decode(&bytes.into_inner()).unwrap();
+        let row: Vec<u8> = (0..64).map(|x| found.get_pixel(x, 9).0[0]).collect();
+        assert_eq!((row[0], row[63]), (0, 255));
+        assert!(row.windows(2).all(|pair| (3..=5).contains(&(pair[1] - pair[0]))), "{row:?}");
+    }
+
+    #[test]
+    fn files_of_other_formats_are_named_with_a_way_out() {
+        let named = |bytes: &[u8], name: &str| {
+            let text = decode(bytes).unwrap_err().to_string();
+            assert!(text.contains(name) && text.contains("save"), "{text}");
+        };
+        named(b"\0\0\0\x18ftypheic\0\0\0\0", "HEIC");
+        named(b"\0\0\0\x1cftypavif\0\0\0\0", "AVIF");
+        named(b"\0\0\0\x20ftypisom\0\0\0\0", "video");
+        named(b"%PDF-1.7\n", "PDF");
+        named(b"\0\0\0\x0cJXL \r\n", "JPEG XL");
+    }
+
+    #[test]
     fn images_are_decoded() {
-        for format in [ImageFormat::Jpeg, ImageFormat::Png] {
+        for format in [
+            ImageFormat::Jpeg,
+            ImageFormat::Png,
+            ImageFormat::WebP,
+            ImageFormat::Tiff,
+            ImageFormat::Bmp,
+            ImageFormat::Gif,
+        ] {
             let bytes = encoded(format);
             assert!(image_size(&bytes).is_ok_and(|size| size == [320, 200]));
             assert!(decode(&bytes).is_ok_and(|image| image.dimensions() == (320, 200)));

@@ -309,7 +309,7 @@ impl App {
         let images = if is_image(&path) { vec![path.clone()] } else { Here::images_in(&path) };
         if images.is_empty() {
             self.act(Action::AddError(format!(
-                "Can't open {}. Use a site (.json), an image (.png, .jpg), or a folder of images.",
+                "Can't open {}. Use a site (.json), an image (such as .png or .jpg), or a folder of images.",
                 path.display()
             )));
         }
@@ -381,7 +381,7 @@ impl App {
                 self.load_plan(ctx, vec![file]);
             } else if file.bytes.is_none() || !is_image(name) {
                 self.act(Action::AddError(format!(
-                    "Can't open {}. Use a site (.json) or an image (.png, .jpg).",
+                    "Can't open {}. Use a site (.json) or an image (such as .png or .jpg).",
                     file.name
                 )));
             } else {

@@ -9,7 +9,7 @@ use calib_editor::{AllowedFiles, FileResult, world_endings};
 use calib_input::PartialFile;
 use calib_site::MAX_BYTES;
 
-use crate::choice::{Chosen, IMAGES, PLANS, Purpose, SITE};
+use crate::choice::{Chosen, Purpose, SITE, images, plans};
 use crate::platform::Answer;
 
 /// Reads a file, up to the largest size of a site or an image.
@@ -122,7 +122,8 @@ pub(super) fn ask(purpose: Purpose) -> Answer {
         bytes: None,
     };
     let site = |title: &str| dialog.clone().set_title(title).add_filter("Site", SITE);
-    let images = |title: &str| dialog.clone().set_title(title).add_filter("Images", IMAGES);
+    let image_endings = images();
+    let images = |title: &str| dialog.clone().set_title(title).add_filter("Images", &image_endings);
     let answer: Pin<Box<dyn Future<Output = Vec<rfd::FileHandle>>>> = match purpose {
         Purpose::AddImages | Purpose::NewerStill => {
             let what = if purpose == Purpose::AddImages { "Add images" } else { "Choose newer images" };
@@ -142,7 +143,7 @@ pub(super) fn ask(purpose: Purpose) -> Answer {
             Box::pin(async { file.await.into_iter().collect() })
         }
         Purpose::LoadPlan => {
-            let endings = [PLANS, world_endings()].concat();
+            let endings = [&plans(), world_endings()].concat();
             let files = dialog.set_title("Choose a floor plan").add_filter("Plans", &endings).pick_files();
             Box::pin(async { files.await.unwrap_or_default() })
         }

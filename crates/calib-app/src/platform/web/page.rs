@@ -8,7 +8,7 @@ use js_sys::{Array, Function, Promise, Uint8Array};
 use serde::de::DeserializeOwned;
 use wasm_bindgen::prelude::*;
 
-use crate::choice::{Chosen, IMAGES, PLANS, Purpose, SITE};
+use crate::choice::{Chosen, Purpose, SITE, images, plans};
 use crate::platform::web::pick as pick_files;
 
 /// Parses a JSON message. The bytes are converted to text first, because a second parser would double the
@@ -25,12 +25,12 @@ pub(super) async fn ask(purpose: Purpose) -> Vec<Chosen> {
             vec![Chosen { name: "site.json".into(), path: Some("site.json".into()), bytes: None }]
         }
         // A site is chosen together with its images.
-        Purpose::OpenSite => pick_files(&[SITE, IMAGES].concat(), true).await,
+        Purpose::OpenSite => pick_files(&[SITE, &images()].concat(), true).await,
         Purpose::Compare => pick_files(SITE, false).await,
-        Purpose::AddImages | Purpose::NewerStill => pick_files(IMAGES, true).await,
-        Purpose::ReplaceStill => pick_files(IMAGES, false).await,
+        Purpose::AddImages | Purpose::NewerStill => pick_files(&images(), true).await,
+        Purpose::ReplaceStill => pick_files(&images(), false).await,
         // A plan is chosen together with its world file.
-        Purpose::LoadPlan => pick_files(&[PLANS, world_endings()].concat(), true).await,
+        Purpose::LoadPlan => pick_files(&[&plans(), world_endings()].concat(), true).await,
         Purpose::Import => pick_files(&[], true).await,
         Purpose::SavePicture => {
             vec![Chosen { name: "view.png".into(), path: Some("view.png".into()), bytes: None }]
