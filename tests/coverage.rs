@@ -4,7 +4,7 @@
 
 use calib_core::camera::{Camera, Covariance, FloorPoint, Lens, WorldPoint};
 use calib_core::floor::{Extent, Wall};
-use calib_site::{Area, Site, WallEntry};
+use calib_site::{Area, Site, SiteCamera, SiteSolution, Stage, WallEntry};
 use calib_tests::{Scratch, entry};
 use serde_json::Value;
 
@@ -40,7 +40,7 @@ struct Seeing {
 }
 
 fn all_seeing(site: &Site) -> Vec<Seeing> {
-    let of = |entry: &calib_site::SiteCamera| Seeing {
+    let of = |entry: &SiteCamera| Seeing {
         id: entry.id.clone(),
         camera: entry.camera().unwrap(),
         size: entry.size(),
@@ -149,15 +149,7 @@ fn coverage_agrees_with_brute_force() {
 #[test]
 fn files_are_written_and_levels_decide_the_exit_code() {
     let scratch = Scratch::new();
-    let camera = Camera {
-        position: WorldPoint::new(0.0, 0.0, 4.0),
-        yaw: 0.0,
-        pitch: 0.5,
-        roll: 0.0,
-        focal: 1200.0,
-        lens: Lens::pinhole([960.0, 540.0].into()),
-        covariance: Covariance::EXACT,
-    };
+    let camera = above(0.0);
     let polygon_m = [[-1.0, 6.0], [1.0, 6.0], [1.0, 9.0], [-1.0, 9.0]].map(FloorPoint::from).to_vec();
     let area = Area { id: "door".into(), name: Some("Door".into()), polygon_m, level: None };
     let site = Site { cameras: vec![entry("a", &camera)], areas: vec![area], ..Site::new() };
@@ -178,7 +170,74 @@ fn files_are_written_and_levels_decide_the_exit_code() {
         zones["features"].as_array().unwrap().iter().map(|f| f["properties"]["kind"].clone()).collect();
     assert!(kinds.contains(&"visible".into()) && kinds.contains(&"area".into()));
     scratch.calib(&["coverage", "survey.json", "-o", "plan.bmp"]).expect_code(2);
+    scratch.calib(&["coverage", "survey.json", "-o", "zones.json"]).expect_code(2);
     scratch.calib(&["coverage", "survey.json", "-o", "plan.png"]).expect_code(1);
     scratch.calib(&["coverage", "survey.json", "--step-m", "0.001"]).expect_code(2);
     scratch.calib(&["coverage", "survey.json", "--level", "read"]).expect_code(2);
+}
+
+/// Returns a camera above (x, 0) that looks along +y.
+fn above(x: f64) -> Camera {
+    Camera {
+        position: WorldPoint::new(x, 0.0, 4.0),
+        yaw: 0.0,
+        pitch: 0.5,
+        roll: 0.0,
+        focal: 1200.0,
+        lens: Lens::pinhole([960.0, 540.0].into()),
+        covariance: Covariance::EXACT,
+    }
+}
+
+#[test]
+fn periods_and_groups_of_cameras_are_not_mixed() {
+    let scratch = Scratch::new();
+    let period = |from: Option<&str>, to: Option<&str>| SiteCamera {
+        valid_from: from.map(str::to_owned),
+        valid_to: to.map(str::to_owned),
+        ..entry("a", &above(0.0))
+    };
+    let change = Some("2026-05-01T00:00:00Z");
+    let site = Site { cameras: vec![period(None, change), period(change, None)], ..Site::new() };
+    scratch.write("periods.json", site.to_json());
+    let refused = scratch.calib(&["coverage", "periods.json"]).expect_code(2);
+    assert!(refused.stderr.contains("--at"), "{}", refused.stderr);
+    let coverage = ["coverage", "periods.json", "--at", "2026-06-01T00:00:00Z", "-o", "periods.csv"];
+    scratch.calib(&coverage).expect_code(0);
+    let table = std::fs::read_to_string(scratch.path("periods.csv")).unwrap();
+    assert!(table.lines().skip(1).all(|row| !row.ends_with(",2")), "one camera is counted twice");
+    // Two pairs without common coordinates.
+    let refined = |id: &str, x: f64| {
+        let mut camera = entry(id, &above(x));
+        camera.solution.as_mut().unwrap().stage = Stage::Refined;
+        camera
+    };
+    let cameras =
+        vec![refined("a", 0.0), refined("b", 2.0), refined("c", 0.0), refined("d", 2.0), refined("e", 9.0)];
+    let groups =
+        [["a", "b"].as_slice(), &["c", "d", "e"]].map(|ids| ids.iter().map(|id| (*id).to_owned()).collect());
+    let solution = SiteSolution { components: groups.to_vec(), ..SiteSolution::default() };
+    let mut site = Site { cameras, solution: Some(solution), ..Site::new() };
+    scratch.write("groups.json", site.to_json());
+    let found = scratch.calib(&["coverage", "groups.json"]).expect_code(0).json();
+    assert_eq!(found["left_out"], serde_json::json!(["a", "b"]), "{found}");
+    let measure = [
+        "measure",
+        "groups.json",
+        "--camera",
+        "a",
+        "--from",
+        "900,700",
+        "--to",
+        "900,700",
+        "--to-camera",
+        "c",
+    ];
+    let refused = scratch.calib(&measure).expect_code(4);
+    assert!(refused.stderr.contains("common coordinates"), "{}", refused.stderr);
+    // A placement on the plan gives the first group the coordinates of the site.
+    site.cameras[0].placement = Some(serde_json::from_str("{}").unwrap());
+    scratch.write("groups.json", site.to_json());
+    let found = scratch.calib(&["coverage", "groups.json"]).expect_code(0).json();
+    assert_eq!(found["left_out"], serde_json::json!(["c", "d", "e"]), "{found}");
 }

@@ -9,7 +9,7 @@ use arrow_array::cast::AsArray as _;
 use arrow_array::{Array as _, RecordBatch};
 use arrow_schema::DataType;
 use calib_core::{BrownConrady, Camera, Covariance, Distortion, Pixel, WorldPoint};
-use calib_site::{CovarianceEntry, Site, SiteCamera};
+use calib_site::{CovarianceEntry, Georeference, Site, SiteCamera};
 use calib_tests::{Scratch, entry, program};
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
@@ -285,6 +285,30 @@ fn every_point_has_an_uncertainty() {
     let whole = scratch.calib(&to_floor(&["-i", "in.csv", "--sigma-px", "2"])).expect_code(0);
     let [halved, whole] = [&halved, &whole].map(|run| number(&rows(&run.stdout)[0], "sigma_y_m"));
     assert!((halved / whole - 1.0).abs() < 1e-9, "{halved} {whole}");
+}
+
+#[test]
+fn geographic_columns_agree_with_the_ellipsoid() {
+    let scratch = scratch();
+    scratch.write("in.csv", "u,v\n900,700\n900,-90000\n");
+    let refused = scratch.calib(&to_floor(&["-i", "in.csv", "--geographic"])).expect_code(2);
+    assert!(refused.stderr.contains("georeference"), "{}", refused.stderr);
+    let mut site = Site { cameras: vec![entry("a", &camera())], ..Site::new() };
+    // World +x points north, so +y points west.
+    site.georeference =
+        Some(Georeference { lat_deg: 52.0, lon_deg: 5.0, x_axis_azimuth_deg: 0.0, alt_m: None });
+    scratch.write("site.json", site.to_json());
+    let args = to_floor(&["-i", "in.csv", "--geographic", "--sigma-px", "1"]);
+    let run = scratch.calib(&args).expect_code(0);
+    let rows = rows(&run.stdout);
+    let value = |name: &str| number(&rows[0], name);
+    // At a latitude of 52 degrees, one degree of latitude is 111.267 km and one of longitude 68.678 km.
+    let [north, east] = [(value("lat_deg") - 52.0) * 111_267.0, (value("lon_deg") - 5.0) * 68_678.0];
+    assert!((north - value("x_m")).abs() < 1e-3 && (east + value("y_m")).abs() < 1e-3, "{north} {east}");
+    assert!((value("sigma_north_m") - value("sigma_x_m")).abs() < 1e-12);
+    assert!((value("sigma_east_m") - value("sigma_y_m")).abs() < 1e-12);
+    assert_eq!((rows[1]["lat_deg"], rows[1]["sigma_east_m"]), ("", ""));
+    assert_eq!(rows[0]["calibration_sigma_east_m"], "", "the uncertainty of the camera is unknown");
 }
 
 #[test]

@@ -757,7 +757,7 @@ fn geojson_describes_its_fields() {
     let said = document["fields"]["heading_deg"].as_str().unwrap();
     assert!(said.contains("counter-clockwise from +x"), "{said}");
     site.georeference =
-        Some(calib_site::Georeference { lat_deg: 50.0, lon_deg: 8.0, x_axis_azimuth_deg: 90.0 });
+        Some(calib_site::Georeference { lat_deg: 50.0, lon_deg: 8.0, x_axis_azimuth_deg: 90.0, alt_m: None });
     let document = json_of(&exported("geojson", &site, "geojson"), "site.geojson");
     assert!(document["fields"]["azimuth_deg"].as_str().unwrap().contains("clockwise from north"));
 }
@@ -1078,7 +1078,7 @@ fn geojson_contains_plane_regions_with_height_and_fall() {
     assert!(document["fields"]["toward_deg"].as_str().unwrap().contains("counter-clockwise"));
     // World +x points east: 30 degrees counter-clockwise from it is an azimuth of 60 degrees.
     site.georeference =
-        Some(calib_site::Georeference { lat_deg: 50.0, lon_deg: 8.0, x_axis_azimuth_deg: 90.0 });
+        Some(calib_site::Georeference { lat_deg: 50.0, lon_deg: 8.0, x_axis_azimuth_deg: 90.0, alt_m: None });
     let document = json_of(&exported("geojson", &site, "geojson"), "site.geojson");
     assert!((number(&region(&document), "toward_azimuth_deg") - 60.0).abs() < 1e-9);
 }

@@ -4,9 +4,9 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use calib_core::floor::DensityLevel;
-use calib_formats::coverage_geojson;
+use calib_formats::{coverage_geojson, is_spreadsheet_formula};
 use calib_report::{CoveragePage, coverage_html, shortened_list};
-use calib_site::{CoverageError, CoverageOptions, SiteCoverage};
+use calib_site::{CoverageError, CoverageOptions, SiteCamera, SiteCoverage};
 use serde_json::{Value, json};
 
 use crate::args::SiteArgs;
@@ -16,7 +16,6 @@ use crate::picture;
 use crate::plan_ground::coverage_view;
 use crate::progress::Pulse;
 use crate::report::plan_picture;
-use crate::site_file::SiteFile;
 use crate::solve::Format;
 use crate::stop::{CommandError, escape_control_characters};
 
@@ -64,12 +63,12 @@ enum Kind {
 }
 
 impl Kind {
-    fn of(path: &str) -> Result<Self, CommandError> {
+    fn from_path(path: &str) -> Result<Self, CommandError> {
         let extension = Path::new(path).extension().map(|text| text.to_string_lossy().to_lowercase());
         match extension.as_deref() {
             _ if path == "-" => Ok(Self::Csv),
             Some("csv") => Ok(Self::Csv),
-            Some("geojson" | "json") => Ok(Self::GeoJson),
+            Some("geojson") => Ok(Self::GeoJson),
             Some("png" | "jpg" | "jpeg") => Ok(Self::Picture),
             Some("html" | "htm") => Ok(Self::Page),
             _ => Err(CommandError::Usage(format!(
@@ -87,24 +86,35 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if args.step_m.is_some_and(|step| !(step.is_finite() && step >= 1e-3)) {
         return Err(CommandError::Usage("--step-m: expected a number of metres, at least 0.001".into()));
     }
-    let output =
-        args.output.as_deref().map(|path| Ok::<_, CommandError>((path, Kind::of(path)?))).transpose()?;
+    let output = args
+        .output
+        .as_deref()
+        .map(|path| Ok::<_, CommandError>((path, Kind::from_path(path)?)))
+        .transpose()?;
     if let Some((path, _)) = output {
         files::check_free(path, args.force)?;
+        if path == "-" && args.format == Some(Format::Json) {
+            let what =
+                "--format json needs stdout for the report; write the table to a file with --output FILE";
+            return Err(CommandError::Usage(what.into()));
+        }
     }
     let file = args.site.read()?;
     let options = CoverageOptions { height: args.height_m, step: args.step_m, level: args.level };
     let pulse = Pulse::new("computing the coverage");
     let coverage = file.site.coverage(&options).map_err(|error| match error {
         CoverageError::NoCamera => CommandError::Unsolved(format!("{}: {error}", file.path)),
-        CoverageError::TooManyPoints { .. } => CommandError::Usage(format!("--step-m: {error}")),
+        CoverageError::TooManyPoints { .. } | CoverageError::Step => {
+            CommandError::Usage(format!("--step-m: {error}"))
+        }
+        CoverageError::SeveralPeriods { .. } => CommandError::Usage(format!("{error} with --at TIME")),
     })?;
     drop(pulse);
-    warn(&file, &coverage);
-    let page = CoveragePage { site: &file.site, coverage: &coverage, height: args.height_m };
+    let page = CoveragePage { site: &file.site, coverage: &coverage };
+    page.notes().iter().for_each(|note| print_message(format_args!("calib: {note}")));
     if let Some((path, kind)) = output {
         let bytes = match kind {
-            Kind::Csv => csv(&coverage, args.height_m).into_bytes(),
+            Kind::Csv => csv(&coverage).into_bytes(),
             Kind::GeoJson => coverage_geojson(&file.site, &coverage).into_bytes(),
             Kind::Picture => {
                 let (ground, svg) = coverage_view(&file.site, file.plan_image()?, &coverage);
@@ -140,35 +150,16 @@ fn report(page: &CoveragePage<'_>, args: &Args) -> Result<(), CommandError> {
     files::print(&text)
 }
 
-/// Warns about cameras that are left out, and about densities that depend on an assumed scale.
-fn warn(file: &SiteFile, coverage: &SiteCoverage<'_>) {
-    for entry in &coverage.unplaced {
-        print_message(format_args!(
-            "calib: camera \"{}\" is left out: it has no place in the site; place it on the plan or link it to another camera",
-            entry.id
-        ));
-    }
-    for entry in coverage.cameras.iter().filter(|entry| !file.site.scale_is_known(entry)) {
-        print_message(format_args!(
-            "calib: camera \"{}\": the scale is assumed, so its distances and pixel densities may be wrong in proportion; enter a height or a length",
-            entry.id
-        ));
-    }
-}
-
 /// Returns the table with one row for each grid point.
-fn csv(coverage: &SiteCoverage<'_>, height: f64) -> String {
+fn csv(coverage: &SiteCoverage<'_>) -> String {
+    let height = coverage.height;
     let mut text = String::from("x_m,y_m,height_m,px_per_m,best,seen_by\n");
     // Multiples of the step without their rounding error.
     let rounded = |value: f64| (value * 1e9).round() / 1e9;
     for at in 0..coverage.grid.len() {
         let point = coverage.grid.point(at);
         let best = coverage.coverage.best[at].map_or("", |camera| coverage.cameras[camera].id.as_str());
-        let best = if best.contains([',', '"']) {
-            format!("\"{}\"", best.replace('"', "\"\""))
-        } else {
-            best.into()
-        };
+        let best = csv_cell(best);
         let _ = writeln!(
             text,
             "{},{},{height},{},{best},{}",
@@ -179,6 +170,15 @@ fn csv(coverage: &SiteCoverage<'_>, height: f64) -> String {
         );
     }
     text
+}
+
+/// Returns a cell of a CSV table. A formula for spreadsheets gets an apostrophe in front, which makes it text.
+fn csv_cell(text: &str) -> String {
+    let mark = if is_spreadsheet_formula(text.as_bytes()) { "'" } else { "" };
+    match text.contains([',', '"']) {
+        true => format!("\"{mark}{}\"", text.replace('"', "\"\"")),
+        false => format!("{mark}{text}"),
+    }
 }
 
 fn as_json(coverage: &SiteCoverage<'_>) -> Value {
@@ -210,6 +210,8 @@ fn as_json(coverage: &SiteCoverage<'_>) -> Value {
             json!({"id": entry.id, "reach": reaches})
         })
         .collect();
+    let ids = |entries: &[&SiteCamera]| entries.iter().map(|entry| entry.id.clone()).collect::<Vec<_>>();
     json!({"visible_m2": coverage.visible_area(|_| true), "step_m": coverage.grid.step,
+        "left_out": ids(&coverage.left_out), "scale_assumed": ids(&coverage.scale_assumed),
         "cameras": cameras, "areas": areas})
 }

@@ -2,8 +2,8 @@
 
 use calib_core::Pixel;
 use calib_core::floor::Measured;
-use calib_report::decimals;
-use calib_site::{Measurement, MeasurementError, MeasurementKind, MeasurementPoint, Site};
+use calib_report::{decimals, shortened_list};
+use calib_site::{CameraViewError, Measurement, MeasurementError, MeasurementKind, MeasurementPoint, Site};
 use clap::ValueEnum;
 use jiff::Timestamp;
 use serde_json::{Value, json};
@@ -30,16 +30,16 @@ pub(crate) struct Args {
     /// Camera of the points of --to, if it is another one
     #[arg(long, value_name = "ID", requires = "to")]
     to_camera: Option<String>,
-    /// Measured quantity; a speed if times are given
-    #[arg(long, value_enum, default_value = "length", requires = "from")]
-    kind: Kind,
+    /// Measured quantity [default: a speed between different times, otherwise a length]
+    #[arg(long, value_enum, requires = "from")]
+    kind: Option<Kind>,
     /// Height of the points above the floor, in metres
     #[arg(long, value_name = "H", default_value_t = 0.0, allow_negative_numbers = true)]
     height_m: f64,
     /// Time of the first point (RFC 3339); also selects the calibration
     #[arg(long, value_name = "TIME", requires = "from")]
     from_at: Option<String>,
-    /// Time of the last point (RFC 3339); also selects the calibration
+    /// Time of the last point (RFC 3339); also selects the calibration [default: the time of the first point]
     #[arg(long, value_name = "TIME", requires = "to")]
     to_at: Option<String>,
     /// Standard deviation of each pixel coordinate [default: of the camera's annotations]
@@ -88,18 +88,24 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     let file = SiteFile::read_for_measuring(&args.site)?;
     file.warn_out_of_date();
     let Some(measurement) = typed_measurement(args)? else { return stored(&file, args) };
-    for point in &measurement.points {
-        file.has_camera(&point.camera)?;
-        warn_assumed_scale(&file.site, point);
+    for id in args.camera.iter().chain(&args.to_camera) {
+        if file.site.cameras.iter().all(|camera| camera.id != *id) {
+            let ids = shortened_list(file.site.cameras.iter().map(|camera| camera.id.as_str()));
+            return Err(CommandError::Usage(format!("unknown camera {id}; {} has {ids}", file.path)));
+        }
     }
-    let found = file.site.measure(&measurement).map_err(|error| match error {
+    warn_assumed_scale(&file.site, &measurement);
+    let found = file.site.measure(&measurement).map_err(|error| match &error {
         MeasurementError::TooFewPoints { least, .. } => CommandError::Usage(format!(
             "--to: this kind needs at least {least} points, with the point of --from"
         )),
         MeasurementError::NoDuration => {
             CommandError::Usage("a speed needs --from-at and a later --to-at".into())
         }
-        MeasurementError::Camera { .. } | MeasurementError::NotPlaced { .. } => {
+        MeasurementError::Camera { why: CameraViewError::Camera(_), .. } => {
+            CommandError::Usage(format!("{error} with --from-at TIME"))
+        }
+        MeasurementError::Camera { .. } | MeasurementError::NotComparable { .. } => {
             CommandError::Unsolved(error.to_string())
         }
         _ => CommandError::Invalid(error.to_string()),
@@ -113,26 +119,27 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
 /// Returns the measurement of the command line; `None` without points.
 fn typed_measurement(args: &Args) -> Result<Option<Measurement>, CommandError> {
     let (Some(camera), Some(from)) = (&args.camera, args.from) else { return Ok(None) };
-    let has_times = args.from_at.is_some() && args.to_at.is_some();
+    let to_at = args.to_at.as_ref().or(args.from_at.as_ref());
     let kind = match args.kind {
-        Kind::Length if has_times => MeasurementKind::Speed,
-        Kind::Length => MeasurementKind::Length,
-        Kind::Height => MeasurementKind::Height,
-        Kind::Area => MeasurementKind::Area,
-        Kind::Speed => MeasurementKind::Speed,
+        Some(Kind::Length) => MeasurementKind::Length,
+        Some(Kind::Height) => MeasurementKind::Height,
+        Some(Kind::Area) => MeasurementKind::Area,
+        Some(Kind::Speed) => MeasurementKind::Speed,
+        None if args.from_at.is_some() && to_at != args.from_at.as_ref() => MeasurementKind::Speed,
+        None => MeasurementKind::Length,
     };
     if kind == MeasurementKind::Height && args.to.len() > 1 {
         return Err(CommandError::Usage("--to: a height has one point above the first".into()));
     }
-    let point = |camera: &String, px: Pixel, at: &Option<String>| MeasurementPoint {
+    let point = |camera: &String, px: Pixel, at: Option<&String>| MeasurementPoint {
         height_m: Some(args.height_m),
-        at: at.clone(),
+        at: at.cloned(),
         sigma_px: args.sigma_px,
         ..MeasurementPoint::new(camera.clone(), px)
     };
     let to_camera = args.to_camera.as_ref().unwrap_or(camera);
-    let others = args.to.iter().map(|&px| point(to_camera, px, &args.to_at));
-    let points = std::iter::once(point(camera, from, &args.from_at)).chain(others).collect();
+    let others = args.to.iter().map(|&px| point(to_camera, px, to_at));
+    let points = std::iter::once(point(camera, from, args.from_at.as_ref())).chain(others).collect();
     Ok(Some(Measurement { id: None, name: None, kind, points }))
 }
 
@@ -144,6 +151,7 @@ fn stored(file: &SiteFile, args: &Args) -> Result<(), CommandError> {
     for (index, measurement) in file.site.measurements.iter().enumerate() {
         let name = measurement.name.clone().or_else(|| measurement.id.clone());
         let name = name.unwrap_or_else(|| format!("measurement {}", index + 1));
+        warn_assumed_scale(&file.site, measurement);
         match file.site.measure(measurement) {
             Ok(found) => {
                 let mut value = as_json(measurement.kind, found);
@@ -172,13 +180,17 @@ fn stored(file: &SiteFile, args: &Args) -> Result<(), CommandError> {
     }
 }
 
-/// Warns that a length in this camera is relative to an assumed height.
-fn warn_assumed_scale(site: &Site, point: &MeasurementPoint) {
-    let Ok(entry) = site.camera_at(&point.camera, point.at.as_deref()) else { return };
-    if entry.camera().is_some() && !site.scale_is_known(entry) {
+/// Warns about cameras whose scale is assumed.
+fn warn_assumed_scale(site: &Site, measurement: &Measurement) {
+    let entries = measurement.points.iter().filter_map(|point| {
+        let entry = site.camera_at(&point.camera, point.at.as_deref()).ok()?;
+        (entry.camera().is_some() && !site.scale_is_known(entry)).then_some(entry.id.as_str())
+    });
+    let mut ids: Vec<&str> = entries.collect();
+    ids.dedup();
+    for id in ids {
         print_message(format_args!(
-            "calib: camera \"{}\": the scale is assumed, so the result may be wrong in proportion; enter a height or a length",
-            entry.id
+            "calib: camera \"{id}\": the scale is assumed, so the result can be wrong in proportion; enter a height or a length"
         ));
     }
 }

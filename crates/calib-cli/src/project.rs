@@ -129,6 +129,10 @@ pub(crate) struct Args {
     /// pixel and `calibration_sigma_x_m` and so on for the calibration; the latter are empty if unknown
     #[arg(long, value_name = "P")]
     sigma_px: Option<f64>,
+    /// Add `lat_deg,lon_deg` (WGS84) of every floor point; needs a georeference of the site. With --sigma-px
+    /// also standard deviations toward east and north
+    #[arg(long)]
+    geographic: bool,
     /// Rows with a cell that is not a number or not a time
     #[arg(long, value_enum, default_value_t = BadRows::Fail)]
     bad_rows: BadRows,
@@ -195,9 +199,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
         })?;
     }
     drop(progress);
-    let of_boxes = table.mapping.boxes.note().map(str::to_owned);
-    for note in of_boxes.into_iter().chain(table.mapping.bad.notes()).chain(calibrations.uncalibrated_notes())
-    {
+    let of_boxes = table.mapping.boxes.notes().map(str::to_owned);
+    for note in of_boxes.chain(table.mapping.bad.notes()).chain(calibrations.uncalibrated_notes()) {
         files::print_message(format_args!("calib: {note}"));
     }
     Ok(())
@@ -214,6 +217,9 @@ fn check(args: &Args) -> Result<(), CommandError> {
     }
     if args.box_form.is_some() && (args.to == To::Pixel || args.columns == Columns::Points) {
         return refused("--box-form requires --to floor, and boxes in the table");
+    }
+    if args.to == To::Pixel && args.geographic {
+        return refused("--geographic requires --to floor");
     }
     if args.to == To::Pixel && args.sigma_px.is_some() {
         return refused("--sigma-px requires --to floor");
@@ -249,6 +255,7 @@ fn mapping(args: &Args) -> Mapping {
         boxes: Boxes::new(args.box_form),
         height: args.height_m,
         sigma: args.sigma_px,
+        is_geographic: args.geographic,
         replaces: args.replace,
         bad: BadCells::new(args.bad_rows, Wording::Flags),
     }

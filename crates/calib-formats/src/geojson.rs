@@ -14,11 +14,6 @@ use crate::planes::covering;
 use crate::tree::pretty;
 use crate::view::View;
 
-/// Semi-major axis of the WGS84 ellipsoid, in metres.
-const SEMI_MAJOR_AXIS_M: f64 = 6_378_137.0;
-/// Squared eccentricity of the WGS84 ellipsoid.
-const ECCENTRICITY_2: f64 = 0.006_694_379_990_141_316;
-
 pub(crate) fn write(scene: &Scene, export: &mut Export) {
     let earth = scene.site.georeference();
     let features = scene.views.iter().flat_map(|view| features(view, earth));
@@ -163,17 +158,8 @@ fn area(ring: &[[f64; 2]]) -> f64 {
         .sum()
 }
 
-/// Converts a floor point to longitude and latitude, in degrees. It uses the radii of the ellipsoid at the
-/// origin, accurate to a millimetre over a few hundred metres.
+/// Converts a floor point to longitude and latitude, in degrees.
 fn to_wgs84(earth: &Georeference, point: FloorPoint) -> [f64; 2] {
-    let azimuth = earth.x_axis_azimuth_deg.to_radians();
-    let (sin, cos) = azimuth.sin_cos();
-    // +x points to the azimuth, and +y is 90 degrees counter-clockwise from it.
-    let (east, north) = (sin * point.x - cos * point.y, cos * point.x + sin * point.y);
-    let latitude = earth.lat_deg.to_radians();
-    let w = 1.0 - ECCENTRICITY_2 * latitude.sin().powi(2);
-    let across = SEMI_MAJOR_AXIS_M / w.sqrt();
-    let along = SEMI_MAJOR_AXIS_M * (1.0 - ECCENTRICITY_2) / w.powf(1.5);
-    let lon = earth.lon_deg + (east / (across * latitude.cos())).to_degrees();
-    [lon, earth.lat_deg + (north / along).to_degrees()]
+    let at = earth.tangent_plane().to_geographic(point.at_height(0.0));
+    [at.longitude.to_degrees(), at.latitude.to_degrees()]
 }

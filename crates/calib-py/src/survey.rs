@@ -2,7 +2,10 @@
 
 use calib_core::Pixel;
 use calib_core::floor::DensityLevel;
-use calib_site::{CoverageOptions, Measurement, MeasurementError, MeasurementKind, MeasurementPoint};
+use calib_site::{
+    CoverageError, CoverageOptions, Measurement, MeasurementError, MeasurementKind, MeasurementPoint,
+    SiteCamera,
+};
 use numpy::{PyArray1, PyArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -13,7 +16,7 @@ use crate::site::{Site, time};
 
 #[pymethods]
 impl Site {
-    /// Computes which floor points the cameras see, and with which pixel density.
+    /// Computes the floor points that the cameras see, and their pixel densities.
     ///
     /// A camera sees a target if its foot is in the camera's EFOV, the point at the height is in the image, and
     /// no wall of the site is between them.
@@ -23,20 +26,23 @@ impl Site {
     ///     step: distance between grid points, in metres; None chooses it from the size of the site.
     ///     level: level that all areas must reach in place of their own: "monitor", "detect", "observe",
     ///         "recognise" or "identify".
+    ///     at: time (RFC 3339, or a datetime with a time zone); required if an id has several periods.
     ///
     /// Returns:
     ///     A dict. "x" (columns,) and "y" (rows,) are the coordinates of the grid, in metres. "px_per_m" (rows,
     ///     columns) is the pixel density of the best camera in pixels per metre, 0 for a blind spot. "best"
     ///     (rows, columns) is the index of this camera in the list "cameras", or -1. "seen_by" (rows, columns)
     ///     is the number of cameras. "areas" is a list of dicts with "id", "level", "met", "share",
-    ///     "blind_share" and "worst_px_per_m".
-    #[pyo3(signature = (*, height=0.0, step=None, level=None))]
+    ///     "blind_share" and "worst_px_per_m". "left_out" lists cameras without a position relative to the others,
+    ///     "scale_assumed" cameras whose metres can be wrong in proportion.
+    #[pyo3(signature = (*, height=0.0, step=None, level=None, at=None))]
     fn coverage<'py>(
         &self,
         py: Python<'py>,
         height: f64,
         step: Option<f64>,
         level: Option<&str>,
+        at: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let height = finite(py, "height", height)?;
         if let Some(step) = step.filter(|step| !(step.is_finite() && *step >= 1e-3)) {
@@ -44,8 +50,16 @@ impl Site {
         }
         let level = level.map(|name| level_of(py, name)).transpose()?;
         let options = CoverageOptions { height, step, level };
-        let found =
-            py.detach(|| self.0.coverage(&options)).map_err(|why| value_error(py, None, "coverage", why))?;
+        let site = match at {
+            Some(at) => self.valid_at(py, &time(at, None)?)?,
+            None => self.0.clone(),
+        };
+        let found = py.detach(|| site.coverage(&options)).map_err(|why| match &why {
+            CoverageError::SeveralPeriods { camera } => {
+                camera_error(py, camera, format_args!("{why} with at="))
+            }
+            _ => value_error(py, None, "coverage", &why),
+        })?;
         let grid = found.grid;
         let shape = [grid.rows, grid.columns];
         let numbers = |list: Vec<i64>| PyArray1::from_vec(py, list).reshape(shape);
@@ -58,8 +72,10 @@ impl Site {
         result.set_item("best", numbers(found.coverage.best.iter().map(best).collect())?)?;
         let seen_by = found.coverage.seen_by.iter().map(|&count| count as i64).collect();
         result.set_item("seen_by", numbers(seen_by)?)?;
-        let ids: Vec<&str> = found.cameras.iter().map(|entry| entry.id.as_str()).collect();
-        result.set_item("cameras", ids)?;
+        let ids = |entries: &[&SiteCamera]| entries.iter().map(|entry| entry.id.clone()).collect::<Vec<_>>();
+        result.set_item("cameras", ids(&found.cameras))?;
+        result.set_item("left_out", ids(&found.left_out))?;
+        result.set_item("scale_assumed", ids(&found.scale_assumed))?;
         let areas = PyList::empty(py);
         for area in &found.areas {
             let entry = PyDict::new(py);
@@ -127,11 +143,24 @@ impl Site {
         let measurement = Measurement { id: None, name: None, kind, points: entries };
         let found = py.detach(|| self.0.measure(&measurement)).map_err(|why| match &why {
             MeasurementError::Camera { camera, why } => camera_error(py, camera, why),
-            MeasurementError::NotPlaced { camera } => camera_error(py, camera, &why),
+            MeasurementError::NotComparable { cameras: [_, camera] } => camera_error(py, camera, &why),
             MeasurementError::NoDuration => value_error(py, None, "times", &why),
             _ => value_error(py, None, "points", &why),
         })?;
         Ok((found.value, found.sigma))
+    }
+}
+
+impl Site {
+    /// Returns the site with the cameras that are valid at a time.
+    fn valid_at(&self, py: Python<'_>, at: &str) -> PyResult<calib_site::Site> {
+        let mut site = self.0.clone();
+        for entry in std::mem::take(&mut site.cameras) {
+            if entry.is_valid_at(at).map_err(|why| value_error(py, None, "at", why.message()))? {
+                site.cameras.push(entry);
+            }
+        }
+        Ok(site)
     }
 }
 

@@ -33,13 +33,14 @@ struct TableOptions {
     box_form: Option<TableBoxForm>,
     height: f64,
     sigma: Option<f64>,
+    is_geographic: bool,
     replaces: bool,
     bad_rows: BadRows,
     stream: Stream,
 }
 
-const OPTIONS: &str = "camera, camera_column, at, at_column, at_unit, to, columns, box_form, height, sigma_px, replace, \
-     bad_rows";
+const OPTIONS: &str = "camera, camera_column, at, at_column, at_unit, to, columns, box_form, height, sigma_px, geographic, \
+     replace, bad_rows";
 
 const TO: [(&str, To); 2] = [("floor", To::Floor), ("pixel", To::Pixel)];
 const COLUMNS: [(&str, Columns); 3] =
@@ -89,6 +90,7 @@ impl TableOptions {
                 }
                 "height" => asked.height = real(Some(&value), "height", 0.0)?,
                 "sigma_px" => asked.sigma = Some(real(Some(&value), "sigma_px", 1.0)?),
+                "geographic" => asked.is_geographic = value.extract()?,
                 "replace" => asked.replaces = value.extract()?,
                 "bad_rows" => {
                     asked.bad_rows = choice(
@@ -123,6 +125,7 @@ impl TableOptions {
             box_form: None,
             height: 0.0,
             sigma: None,
+            is_geographic: false,
             replaces: false,
             bad_rows: BadRows::Fail,
             stream: Stream {
@@ -154,6 +157,9 @@ impl TableOptions {
         }
         if self.to == To::Pixel && self.sigma.is_some() {
             return Err(value_error(py, None, "sigma_px", "requires to=\"floor\""));
+        }
+        if self.to == To::Pixel && self.is_geographic {
+            return Err(value_error(py, None, "geographic", "requires to=\"floor\""));
         }
         Ok(())
     }
@@ -197,6 +203,7 @@ impl TableOptions {
             boxes: Boxes::new(self.box_form),
             height: self.height,
             sigma: self.sigma,
+            is_geographic: self.is_geographic,
             replaces: self.replaces,
             bad: BadCells::new(self.bad_rows, Wording::Keywords),
         }
@@ -236,7 +243,9 @@ impl Site {
     /// (points if there are u and v, otherwise boxes). box_form: "xyxy" (two corners), "xywh" (upper left
     /// corner, width and height), "cxcywh" (centre, width and height) or "yolo" (the same as fractions of the
     /// stream); by default from the names of the columns. height: height of the plane above the floor, in
-    /// metres. sigma_px: standard deviation of a detection, in pixels of the stream. replace: whether to
+    /// metres. sigma_px: standard deviation of a detection, in pixels of the stream. geographic: whether to add
+    /// lat_deg and lon_deg, for a site with a georeference; with sigma_px also sigma_east_m and so on, in metres.
+    /// replace: whether to
     /// replace existing columns of the table. bad_rows: "fail" raises for a cell that is not a number;
     /// "status" reports it in the status of its row. origin, stream_size, fit, crop: kind of pixels, see
     /// `Camera`.
@@ -244,7 +253,7 @@ impl Site {
     /// Returns: A table for `polars.DataFrame`, `pyarrow.table` or `pandas.DataFrame.from_arrow`.
     #[pyo3(
         signature = (table, **options),
-        text_signature = "($self, table, *, camera=None, camera_column=None, at=None, at_column=None, at_unit=None, to='floor', columns='auto', box_form=None, height=0.0, sigma_px=None, replace=False, bad_rows='fail', origin=None, stream_size=None, fit=None, crop=None)"
+        text_signature = "($self, table, *, camera=None, camera_column=None, at=None, at_column=None, at_unit=None, to='floor', columns='auto', box_form=None, height=0.0, sigma_px=None, geographic=False, replace=False, bad_rows='fail', origin=None, stream_size=None, fit=None, crop=None)"
     )]
     fn project(&self, table: &Bound<'_, PyAny>, options: Option<&Bound<'_, PyDict>>) -> PyResult<PyTable> {
         let py = table.py();

@@ -3,12 +3,12 @@
 use std::fmt::Write as _;
 
 use calib_core::floor::{DensityLevel, Reach};
-use calib_site::{AreaResult, Site, SiteCoverage};
+use calib_site::{AreaResult, Site, SiteCamera, SiteCoverage};
 
 use crate::coverage_layer::{all_levels, level_text};
 use crate::frame::{PAGE_END, page_start};
 use crate::svg::escape;
-use crate::words::decimals;
+use crate::words::{decimals, shortened_list};
 
 /// Coverage of a site for a height of the targets.
 #[derive(Clone, Copy, Debug)]
@@ -17,8 +17,6 @@ pub struct CoveragePage<'a> {
     pub site: &'a Site,
     /// Coverage of the site.
     pub coverage: &'a SiteCoverage<'a>,
-    /// Height of the targets above the floor, in metres.
-    pub height: f64,
 }
 
 impl CoveragePage<'_> {
@@ -26,6 +24,9 @@ impl CoveragePage<'_> {
     #[must_use]
     pub fn text(&self) -> String {
         let mut out = format!("{}\n", self.summary());
+        for note in self.notes() {
+            let _ = writeln!(out, "{note}");
+        }
         for (level, area) in self.levels() {
             let _ = writeln!(out, "{}: {area:.1} m\u{b2}", level_text(level));
         }
@@ -108,16 +109,38 @@ impl CoveragePage<'_> {
         html.push_str("</tbody></table>\n");
     }
 
+    /// Returns sentences about cameras that are left out, and about cameras whose scale is assumed.
+    #[must_use]
+    pub fn notes(&self) -> Vec<String> {
+        let names = |entries: &[&SiteCamera]| shortened_list(entries.iter().map(|entry| entry.id.as_str()));
+        let mut notes = Vec::new();
+        if !self.coverage.left_out.is_empty() {
+            notes.push(format!(
+                "Left out, because they have no position relative to the other cameras: {}. Place them on the plan, or \
+                 link them.",
+                names(&self.coverage.left_out)
+            ));
+        }
+        if !self.coverage.scale_assumed.is_empty() {
+            notes.push(format!(
+                "The scale is assumed, so distances and pixel densities can be wrong in proportion: {}. Enter a height \
+                 or a length.",
+                names(&self.coverage.scale_assumed)
+            ));
+        }
+        notes
+    }
+
     /// Describes the visible floor in one sentence.
     fn summary(&self) -> String {
         let seen =
             |least: usize| self.coverage.visible_area(|at| self.coverage.coverage.seen_by[at] >= least);
-        let target = match self.height {
+        let target = match self.coverage.height {
             0.0 => "on the floor".into(),
             height => format!("at a height of {height} m"),
         };
         format!(
-            "The cameras see {:.1} m\u{b2}, {:.1} m\u{b2} of it with two or more cameras (targets {target}).",
+            "The cameras see {:.1} m\u{b2}; two or more cameras see {:.1} m\u{b2} of it. Targets are {target}.",
             seen(1),
             seen(2)
         )
@@ -154,7 +177,7 @@ fn reach_text(reach: &Reach) -> String {
 
 /// Describes the coverage of an area, as in "98.2 % recognise, 1.8 % blind, lowest 41 px/m: missed".
 fn area_text(result: &AreaResult<'_>) -> String {
-    let Some(found) = result.coverage else { return "the corners enclose no area".into() };
+    let Some(found) = result.coverage else { return "the polygon has no area, or is too narrow".into() };
     let level = result.level.map_or("visible", DensityLevel::name);
     let worst = found.worst_density.map_or_else(String::new, |worst| format!(", lowest {worst:.0} px/m"));
     let decision = if result.is_met() { "met" } else { "missed" };

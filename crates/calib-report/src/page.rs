@@ -72,10 +72,14 @@ fn write_plan_section(html: &mut String, site: &Site, pictures: ImageSource<'_>)
     if site.areas.is_empty() {
         return;
     }
-    let options = CoverageOptions::default();
-    if let Ok(coverage) = site.coverage(&options) {
-        let figure = plan_figure(plan.as_ref(), &coverage_view(site, sides, &coverage));
-        CoveragePage { site, coverage: &coverage, height: options.height }.section(html, &figure);
+    match site.coverage(&CoverageOptions::default()) {
+        Ok(coverage) => {
+            let figure = plan_figure(plan.as_ref(), &coverage_view(site, sides, &coverage));
+            CoveragePage { site, coverage: &coverage }.section(html, &figure);
+        }
+        Err(error) => {
+            let _ = write!(html, "<h2>Coverage</h2><p class=\"note bad\">{}</p>", escape(&error.to_string()));
+        }
     }
 }
 

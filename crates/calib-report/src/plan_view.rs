@@ -53,7 +53,8 @@ fn draw(
     let (sides, scale) = match (&site.plan, picture) {
         (Some(plan), Some(sides)) => (sides, plan.scale()),
         (plan, _) => {
-            blank_background(site, plan.as_ref().map(|plan| plan.x_axis_deg.to_radians()).unwrap_or_default())
+            let x_axis = plan.as_ref().map(|plan| plan.x_axis_deg.to_radians()).unwrap_or_default();
+            blank_background(site, x_axis, coverage.is_some())
         }
     };
     let size = sides.map(f64::from);
@@ -70,7 +71,8 @@ fn draw(
     let mut svg = Svg::new(ground.size.map(f64::from), draw_scale);
     let view = PlanView::new(site);
     // The only camera of a site needs no place.
-    let view = if coverage.is_some() && site.cameras.len() == 1 { view } else { view.placed_only() };
+    let is_alone = coverage.is_some_and(|coverage| coverage.cameras.len() == 1);
+    let view = if is_alone { view } else { view.placed_only() };
     if site.plan.as_ref().is_none_or(|plan| plan.image.is_none()) {
         draw_items(&mut svg, &items_on_plan(&view, &[grid(&scale, size)]), 0.0, &on_plan);
     }
@@ -102,17 +104,18 @@ fn draw(
 }
 
 /// Returns the size in pixels and the scale of the background of a site without a plan image. It contains all
-/// results, with a margin of 1 m.
-fn blank_background(site: &Site, x_axis: f64) -> ([u32; 2], PlanScale) {
+/// results, and the areas if `with_areas` is set, with a margin of 1 m.
+fn blank_background(site: &Site, x_axis: f64, with_areas: bool) -> ([u32; 2], PlanScale) {
     let unit = PlanScale { metres_per_px: 1.0, origin: PlanPixel::default(), x_axis };
     let solutions = || site.cameras.iter().filter_map(|camera| camera.solution.as_ref());
+    let areas = site.areas.iter().filter(|_| with_areas);
     let elements = site.links.iter().filter_map(|link| link.solution.as_ref());
     let elements = elements.chain(site.marks.iter().filter_map(|mark| mark.solution.as_ref()));
     let points: Vec<PlanPixel> = solutions()
         .flat_map(|solution| solution.efov_m.iter().copied().chain(solution.position_m.map(|p| p.on_floor())))
         .chain(elements.map(|element| element.at_m.on_floor()))
         .chain(site.planes.iter().flat_map(|plane| plane.region.iter().copied()))
-        .chain(site.areas.iter().flat_map(|area| area.polygon_m.iter().copied()))
+        .chain(areas.flat_map(|area| area.polygon_m.iter().copied()))
         .map(|point| unit.plan_from_floor(point))
         .filter(|point| point.is_finite())
         .collect();

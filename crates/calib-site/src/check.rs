@@ -159,6 +159,7 @@ fn check_plan(at: &At, plan: &Plan) -> Checked {
 fn check_georeference(at: &At, georeference: &Georeference) -> Checked {
     Bounds::PITCH.check(&at.key("lat_deg"), georeference.lat_deg)?;
     Bounds::DEGREES.check(&at.key("lon_deg"), georeference.lon_deg)?;
+    optional(&at.key("alt_m"), georeference.alt_m, Bounds::COORDINATE)?;
     Bounds::DEGREES.check(&at.key("x_axis_azimuth_deg"), georeference.x_axis_azimuth_deg)
 }
 

@@ -10,7 +10,7 @@ use crate::document::{Link, LinkKind, Mark};
 use crate::scene::{PlaneEntry, PlaneNumber};
 use crate::site_error::quoted;
 use crate::solution::{CovarianceEntry, DistortionEntry, Solution, Stage};
-use crate::survey_entries::Measurement;
+use crate::survey_entries::{Measurement, MeasurementKind};
 
 /// Largest number of planes of one site; every mapped pixel is tested against each plane.
 const MAX_PLANES: usize = 1000;
@@ -119,7 +119,7 @@ pub(crate) fn check_elements(root: &At, site: &Site) -> Checked {
 /// Checks walls, areas and measurements.
 pub(crate) fn check_survey(root: &At, site: &Site) -> Checked {
     /// Largest number of walls. Every line of sight is tested against the walls around its camera.
-    const MAX_WALLS: usize = 10_000;
+    const MAX_WALLS: usize = 5_000;
     /// Largest number of areas.
     const MAX_AREAS: usize = 1000;
     let walls = root.key("walls");
@@ -167,6 +167,9 @@ fn check_measurement(at: &At, measurement: &Measurement, cameras: &HashSet<&str>
     if found < least {
         let kind = measurement.kind.name();
         return list.expected(format!("{found} points"), format!("at least {least} for kind \"{kind}\""));
+    }
+    if measurement.kind == MeasurementKind::Height && found > 2 {
+        return list.expected(format!("{found} points"), "2 for kind \"height\": the foot and the head");
     }
     count(&list, found, 1000)?;
     for (i, point) in measurement.points.iter().enumerate() {

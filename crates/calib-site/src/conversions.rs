@@ -5,7 +5,9 @@ use calib_core::camera::{
     Camera, Coefficient, Covariance, Distortion, DistortionModel, FloorPoint, ImageCircle, Lens, Pixel,
     PlanScale, Plane, WorldPoint,
 };
-use calib_core::floor::{ControlPoint, MarkShape, Placement, Surface, default_efov, efov_on_floor};
+use calib_core::floor::{
+    ControlPoint, Geographic, MarkShape, Placement, Surface, TangentPlane, default_efov, efov_on_floor,
+};
 use calib_core::single::{FixedParameters, PlanePrior, PrincipalPointPrior, Prior, Priors, SceneErrors};
 
 use crate::document::{
@@ -99,6 +101,12 @@ impl Site {
     #[must_use]
     pub fn georeference(&self) -> Option<&Georeference> {
         self.georeference.as_ref().or_else(|| self.plan.as_ref()?.georeference.as_ref())
+    }
+
+    /// Returns the map from the site to geographic coordinates; `None` without a georeference.
+    #[must_use]
+    pub fn tangent_plane(&self) -> Option<TangentPlane> {
+        self.georeference().map(Georeference::tangent_plane)
     }
 
     /// Returns the first entry with this id, independently of its validity period.
@@ -349,6 +357,19 @@ impl SiteCamera {
             (_, Some(corners)) => efov_on_floor(&camera, corners).polygon,
             _ => default_efov(&camera, self.size()).polygon,
         }
+    }
+}
+
+impl Georeference {
+    /// Returns the map from the site to geographic coordinates.
+    #[must_use]
+    pub fn tangent_plane(&self) -> TangentPlane {
+        let origin = Geographic {
+            latitude: self.lat_deg.to_radians(),
+            longitude: self.lon_deg.to_radians(),
+            height: self.alt_m.unwrap_or(0.0),
+        };
+        TangentPlane::new(origin, self.x_axis_azimuth_deg.to_radians())
     }
 }
 

@@ -2,11 +2,10 @@
 
 use calib_core::camera::{Camera, FloorPoint};
 use calib_core::floor::{
-    AreaCoverage, Coverage, CoverageCamera, DensityLevel, Extent, FloorGrid, Reach, Wall,
+    AreaCoverage, Coverage, CoverageCamera, DensityLevel, Extent, FloorGrid, Reach, Requirement, Wall,
 };
 
 use crate::document::{Site, SiteCamera};
-use crate::solution::Stage;
 use crate::survey_entries::{Area, WallEntry};
 
 /// Options of a coverage computation.
@@ -25,9 +24,13 @@ pub struct CoverageOptions {
 pub struct SiteCoverage<'a> {
     /// Cameras, in the order of the indices in `coverage`.
     pub cameras: Vec<&'a SiteCamera>,
-    /// Cameras without a place in the site, which are left out.
-    pub unplaced: Vec<&'a SiteCamera>,
-    /// Grid of floor points around all EFOVs and areas.
+    /// Calibrated cameras that are left out, because they have no position relative to the others.
+    pub left_out: Vec<&'a SiteCamera>,
+    /// Cameras of `cameras` whose scale is assumed. Their distances and densities can be wrong in proportion.
+    pub scale_assumed: Vec<&'a SiteCamera>,
+    /// Height of the targets above the floor, in metres.
+    pub height: f64,
+    /// Grid of floor points around all EFOVs.
     pub grid: FloorGrid,
     /// Coverage of the grid.
     pub coverage: Coverage,
@@ -122,14 +125,21 @@ impl AreaResult<'_> {
 }
 
 /// Error of a coverage computation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum CoverageError {
-    /// No camera of the site is calibrated.
+    /// No camera of the site is calibrated and shows the floor.
     NoCamera,
+    /// Several periods of a camera are valid.
+    SeveralPeriods {
+        /// Id of the camera.
+        camera: String,
+    },
+    /// The step is not a positive number.
+    Step,
     /// The grid has more points than the limit.
     TooManyPoints {
         /// Number of points.
-        points: usize,
+        points: f64,
         /// Largest number of points.
         most: usize,
     },
@@ -138,9 +148,15 @@ pub enum CoverageError {
 impl std::fmt::Display for CoverageError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::NoCamera => f.write_str("no camera of the site is calibrated: solve the site first"),
+            Self::NoCamera => {
+                f.write_str("no camera is calibrated and shows the floor: solve the site first")
+            }
+            Self::SeveralPeriods { camera } => {
+                write!(f, "camera \"{camera}\" has several periods: choose a time")
+            }
+            Self::Step => f.write_str("the step must be a number of metres above 0"),
             Self::TooManyPoints { points, most } => {
-                write!(f, "the grid has {points} points, at most {most} are possible: use a larger step")
+                write!(f, "the grid has {points:.0} points, at most {most} are possible: use a larger step")
             }
         }
     }
@@ -149,77 +165,81 @@ impl std::fmt::Display for CoverageError {
 impl std::error::Error for CoverageError {}
 
 impl Site {
-    /// Computes which floor points the cameras see and with which pixel density.
+    /// Computes the floor points that the cameras see, and their pixel densities.
     ///
     /// A camera sees a target if its foot is in the camera's EFOV, the point at the height is in the image,
-    /// and no wall is between them. The grid lines are at multiples of the step.
+    /// and no wall is between them. The grid lines are at multiples of the step. Cameras without a position
+    /// relative to the others are left out.
     ///
     /// # Errors
-    /// If no camera is calibrated, or the grid has too many points.
+    /// If no camera is calibrated, an id has several periods, or the grid has too many points.
     pub fn coverage(&self, options: &CoverageOptions) -> Result<SiteCoverage<'_>, CoverageError> {
         let views: Vec<FloorView<'_>> =
             self.cameras.iter().filter_map(|entry| FloorView::new(self, entry)).collect();
-        // The frame of a camera without a place is its own, unless it is the only one.
-        let is_used = |view: &FloorView<'_>| view.is_placed || views.len() == 1;
-        let used: Vec<CoverageCamera<'_>> =
-            views.iter().filter(|v| is_used(v)).map(FloorView::for_coverage).collect();
+        for (index, view) in views.iter().enumerate() {
+            if views[..index].iter().any(|other| other.entry.id == view.entry.id) {
+                return Err(CoverageError::SeveralPeriods { camera: view.entry.id.clone() });
+            }
+        }
+        let frame = self.main_frame(views.iter().map(|view| view.entry));
+        let (used, others): (Vec<_>, Vec<_>) =
+            views.iter().partition(|view| frame == Some(self.frame(view.entry)));
+        let cameras: Vec<CoverageCamera<'_>> = used.iter().map(|view| view.for_coverage()).collect();
         let walls: Vec<Wall> = self.walls.iter().map(Wall::from).collect();
-        let grid = self.grid(&used, options.step)?;
-        let area = |area: &'_ Area| {
+        let grid = grid(&cameras, options.step)?;
+        let areas = self.areas.iter().map(|area| {
             let level = options.level.or(area.level);
-            let required = level.map_or(0.0, DensityLevel::pixels_per_metre);
-            AreaCoverage::new(&used, &walls, &area.polygon_m, [options.height, required, grid.step])
-        };
-        let reach = |camera: &CoverageCamera<'_>| {
-            DensityLevel::ALL
-                .map(|level| camera.reach(&walls, &grid, [options.height, level.pixels_per_metre()]))
-        };
-        let areas = self
-            .areas
-            .iter()
-            .map(|entry| AreaResult {
-                area: entry,
-                level: options.level.or(entry.level),
-                coverage: area(entry),
-            })
-            .collect();
+            let density = level.map_or(0.0, DensityLevel::pixels_per_metre);
+            let required = Requirement { height: options.height, density };
+            AreaResult {
+                area,
+                level,
+                coverage: AreaCoverage::new(&cameras, &walls, &area.polygon_m, required),
+            }
+        });
+        let areas = areas.collect();
+        let densities = DensityLevel::ALL.map(DensityLevel::pixels_per_metre);
+        let of_used: Vec<&SiteCamera> = used.iter().map(|view| view.entry).collect();
         Ok(SiteCoverage {
-            cameras: views.iter().filter(|view| is_used(view)).map(|view| view.entry).collect(),
-            unplaced: views.iter().filter(|view| !is_used(view)).map(|view| view.entry).collect(),
-            coverage: Coverage::new(&used, &walls, &grid, options.height),
-            reaches: used.iter().map(reach).collect(),
-            grid,
+            scale_assumed: of_used.iter().copied().filter(|entry| !self.scale_is_known(entry)).collect(),
+            cameras: of_used,
+            left_out: others.iter().map(|view| view.entry).collect(),
+            height: options.height,
+            coverage: Coverage::new(&cameras, &walls, &grid, options.height),
             areas,
+            reaches: cameras.iter().map(|camera| camera.reaches(&walls, options.height, densities)).collect(),
+            grid,
         })
     }
+}
 
-    /// Returns a grid around all EFOVs and areas.
-    fn grid(&self, cameras: &[CoverageCamera<'_>], step: Option<f64>) -> Result<FloorGrid, CoverageError> {
-        /// Largest number of points.
-        const MOST: usize = 4_000_000;
-        /// Number of points that a grid has at most if its step is not given.
-        const USUAL_MOST: f64 = 100_000.0;
-        let efovs = cameras.iter().flat_map(|camera| camera.extent.efov);
-        let corners = self.areas.iter().flat_map(|area| &area.polygon_m);
-        let [mut low, mut high] = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
-        for &FloorPoint { x, y } in efovs.chain(corners) {
-            low = [low[0].min(x), low[1].min(y)];
-            high = [high[0].max(x), high[1].max(y)];
-        }
-        let size = [high[0] - low[0], high[1] - low[1]];
-        if cameras.is_empty() || !size.iter().all(|length| length.is_finite()) {
-            return Err(CoverageError::NoCamera);
-        }
-        let step = step.unwrap_or_else(|| round_step((size[0] * size[1] / USUAL_MOST).sqrt()));
-        let first = low.map(|value| (value / step).floor());
-        let count = [0, 1].map(|axis| ((high[axis] / step).ceil() - first[axis]) as usize + 1);
-        let points = count[0].saturating_mul(count[1]);
-        if points > MOST {
-            return Err(CoverageError::TooManyPoints { points, most: MOST });
-        }
-        let origin = FloorPoint { x: first[0] * step, y: first[1] * step };
-        Ok(FloorGrid { origin, step, columns: count[0], rows: count[1] })
+/// Returns a grid around all EFOVs.
+fn grid(cameras: &[CoverageCamera<'_>], step: Option<f64>) -> Result<FloorGrid, CoverageError> {
+    /// Largest number of grid points.
+    const MAX_POINTS: usize = 4_000_000;
+    /// Largest number of grid points if the step is not given.
+    const MAX_USUAL_POINTS: f64 = 100_000.0;
+    let [mut low, mut high] = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
+    for &FloorPoint { x, y } in cameras.iter().flat_map(|camera| camera.extent.efov) {
+        low = [low[0].min(x), low[1].min(y)];
+        high = [high[0].max(x), high[1].max(y)];
     }
+    let size = [high[0] - low[0], high[1] - low[1]];
+    if !size.iter().all(|length| length.is_finite()) {
+        return Err(CoverageError::NoCamera);
+    }
+    let step = step.unwrap_or_else(|| round_step((size[0] * size[1] / MAX_USUAL_POINTS).sqrt()));
+    if !(step.is_finite() && step > 0.0) {
+        return Err(CoverageError::Step);
+    }
+    let first = low.map(|value| (value / step).floor());
+    let count = [0, 1].map(|axis| (high[axis] / step).ceil() - first[axis] + 1.0);
+    let points = count[0] * count[1];
+    if points > MAX_POINTS as f64 {
+        return Err(CoverageError::TooManyPoints { points, most: MAX_POINTS });
+    }
+    let origin = FloorPoint { x: first[0] * step, y: first[1] * step };
+    Ok(FloorGrid { origin, step, columns: count[0] as usize, rows: count[1] as usize })
 }
 
 /// Rounds a step up to 1, 2 or 5 times a power of ten, at least 0.05 m.
@@ -241,14 +261,14 @@ struct FloorView<'a> {
     entry: &'a SiteCamera,
     camera: Camera,
     efov: Vec<FloorPoint>,
-    is_placed: bool,
 }
 
 impl<'a> FloorView<'a> {
+    /// Returns `None` for a camera that is not calibrated or shows no floor.
     fn new(site: &Site, entry: &'a SiteCamera) -> Option<Self> {
         let camera = site.camera_for_use(entry)?;
-        let is_placed = entry.solution.as_ref()?.stage > Stage::Partial;
-        Some(Self { entry, camera, efov: site.efov_on_floor(entry), is_placed })
+        let efov = site.efov_on_floor(entry);
+        (efov.len() >= 3).then_some(Self { entry, camera, efov })
     }
 
     fn for_coverage(&self) -> CoverageCamera<'_> {

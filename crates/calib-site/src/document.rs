@@ -266,6 +266,10 @@ document! {
         lon_deg: f64,
         /// Azimuth of world +x, clockwise from north, in degrees.
         x_axis_azimuth_deg: f64,
+        /// Height of the floor above the WGS84 ellipsoid, in metres; 0 if absent. It is not the height above
+        /// sea level.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        alt_m: Option<f64>,
     }
 
     /// Camera: its image, known values, annotations and result.

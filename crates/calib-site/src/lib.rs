@@ -9,7 +9,7 @@
 //!   results;
 //! - `conversions`, `covariance_entry`: conversions between entries and geometric types;
 //! - `bounds`, `check`, `check_entries`, `period`, `site_error`: reading and checking a site file;
-//! - `view`: lookup of calibrated cameras and of stored findings, for the language bindings.
+//! - `view`, `frame`: lookup of calibrated cameras and of stored findings, and their coordinate systems.
 //!
 //! Pipeline, in the order of the data:
 //!
@@ -106,6 +106,7 @@ mod covariance_entry;
 mod check_entries;
 mod period;
 mod view;
+mod frame;
 mod check;
 mod placement_step;
 mod overlap;

@@ -2,11 +2,12 @@
 
 use std::fmt;
 
-use calib_core::camera::{Camera, Pixel};
-use calib_core::floor::{Measured, Ruler, RulerPoint, Status};
+use calib_core::camera::{Camera, Covariance, Pixel};
+use calib_core::floor::{Extent, Measured, Ruler, RulerPoint, Status};
 use jiff::Timestamp;
 
 use crate::document::{Site, SiteCamera};
+use crate::frame::Frame;
 use crate::survey_entries::{Measurement, MeasurementKind, MeasurementPoint};
 use crate::view::CameraViewError;
 
@@ -27,10 +28,10 @@ pub enum MeasurementError {
         /// Reason.
         why: CameraViewError,
     },
-    /// The cameras do not have a common coordinate system.
-    NotPlaced {
-        /// Id of a camera without a place.
-        camera: String,
+    /// Two cameras do not have a common coordinate system.
+    NotComparable {
+        /// Ids of the cameras.
+        cameras: [String; 2],
     },
     /// A point cannot be measured.
     Point {
@@ -41,10 +42,21 @@ pub enum MeasurementError {
         /// Status of the pixel.
         status: Status,
     },
+    /// A point is on a plane other than the floor.
+    OnPlane {
+        /// Id of the camera.
+        camera: String,
+        /// Pixel of the point.
+        pixel: Pixel,
+        /// Id of the plane.
+        plane: String,
+    },
     /// A speed needs the times of its first and last point, the last one later.
     NoDuration,
-    /// The quantity does not exist: a height from straight above.
-    Undefined,
+    /// The second point of a height is not above the first.
+    NotAbove,
+    /// A point is too close to the horizon or to the border of the lens.
+    AtBorder,
 }
 
 impl fmt::Display for MeasurementError {
@@ -54,19 +66,23 @@ impl fmt::Display for MeasurementError {
                 write!(f, "found {found} points, expected at least {least}")
             }
             Self::Camera { camera, why } => write!(f, "camera \"{camera}\": {why}"),
-            Self::NotPlaced { camera } => write!(
+            Self::NotComparable { cameras: [a, b] } => write!(
                 f,
-                "camera \"{camera}\" has no place in the site: place it on the plan or link it to another camera"
+                "the cameras \"{a}\" and \"{b}\" have no common coordinates: place both on the plan, or link them"
             ),
             Self::Point { camera, pixel: Pixel { u, v }, status } => {
                 write!(f, "camera \"{camera}\": the pixel {u:.0}, {v:.0} {}", reason(*status))
             }
+            Self::OnPlane { camera, pixel: Pixel { u, v }, plane } => write!(
+                f,
+                "camera \"{camera}\": the pixel {u:.0}, {v:.0} shows the plane \"{plane}\"; only points above the \
+                 floor can be measured"
+            ),
             Self::NoDuration => {
                 f.write_str("a speed needs the times of the first and the last point, the last one later")
             }
-            Self::Undefined => {
-                f.write_str("the camera is vertically above the point and cannot show its height")
-            }
+            Self::NotAbove => f.write_str("the second point is not vertically above the first"),
+            Self::AtBorder => f.write_str("a point is too close to the horizon or to the border of the lens"),
         }
     }
 }
@@ -76,7 +92,9 @@ impl std::error::Error for MeasurementError {}
 /// Explains why a pixel cannot be measured.
 const fn reason(status: Status) -> &'static str {
     match status {
-        Status::AboveHorizon => "is above the horizon and shows no floor",
+        Status::AboveHorizon => {
+            "shows no point at this height: it is above the horizon, or the height is above the camera"
+        }
         Status::OutsideEfov => {
             "shows a point outside the camera's field of view (EFOV); draw a larger EFOV to measure there"
         }
@@ -103,6 +121,10 @@ impl Site {
         let (entries, calibrated): (Vec<&SiteCamera>, Vec<Camera>) = cameras.into_iter().unzip();
         let points_of_ruler = self.ruler_points(*kind, points, &entries, &calibrated)?;
         let between = |a: usize, b: usize| {
+            if entries[a].id == entries[b].id {
+                // Two periods of one camera are calibrated separately.
+                return Some([[0.0; Covariance::SIZE]; Covariance::SIZE]);
+            }
             let ids = [entries[a].id.as_str(), entries[b].id.as_str()];
             self.covariance_between(ids, [&calibrated[a], &calibrated[b]]).map(|covariance| *covariance)
         };
@@ -112,7 +134,12 @@ impl Site {
             MeasurementKind::Area => ruler.area(&points_of_ruler),
             MeasurementKind::Height => ruler.height(&points_of_ruler[0], &points_of_ruler[1]),
         };
-        let found = found.ok_or(MeasurementError::Undefined)?;
+        let missing = if *kind == MeasurementKind::Height {
+            MeasurementError::NotAbove
+        } else {
+            MeasurementError::AtBorder
+        };
+        let found = found.ok_or(missing)?;
         if *kind != MeasurementKind::Speed {
             return Ok(found);
         }
@@ -136,13 +163,15 @@ impl Site {
             }
             cameras.push((entry, *self.view_of(entry).map_err(error)?.camera()));
         }
-        let unplaced = |(entry, _): &&(&SiteCamera, Camera)| !entry.is_placed();
-        match cameras.iter().find(unplaced) {
-            Some((entry, _)) if cameras.len() > 1 => {
-                Err(MeasurementError::NotPlaced { camera: entry.id.clone() })
+        for (entry, _) in cameras.iter().skip(1) {
+            let first = cameras[0].0;
+            let frames = [first, entry].map(|entry| self.frame(entry));
+            if frames[0] != frames[1] || frames[0] == Frame::Own {
+                let cameras = [first, entry].map(|entry| entry.id.clone());
+                return Err(MeasurementError::NotComparable { cameras });
             }
-            _ => Ok(cameras),
         }
+        Ok(cameras)
     }
 
     /// Converts the points, and refuses points that cannot be measured. The head of a height need not be on
@@ -164,41 +193,46 @@ impl Site {
             let camera = entries.iter().position(of).unwrap_or_default();
             let height = point.height_m.unwrap_or(0.0);
             let is_head = kind == MeasurementKind::Height && index > 0;
-            let status = self.status_of(entries[camera], &cameras[camera], point.px, height, is_head);
-            if status != Status::Ok {
-                let camera = point.camera.clone();
-                return Err(MeasurementError::Point { camera, pixel: point.px, status });
-            }
+            self.check_point(entries[camera], &cameras[camera], point, is_head)?;
             let sigma = point.sigma_px.or(entries[camera].sigma_px).unwrap_or(1.0);
             Ok(RulerPoint { camera, pixel: point.px, height, sigma })
         };
         points.iter().enumerate().map(convert).collect()
     }
 
-    /// Returns the status of a pixel at a height above the floor.
-    fn status_of(
+    /// Refuses a point outside the image, the lens or the EFOV, and a point on a plane other than the floor.
+    fn check_point(
         &self,
         entry: &SiteCamera,
         camera: &Camera,
-        pixel: Pixel,
-        height: f64,
+        point: &MeasurementPoint,
         is_head: bool,
-    ) -> Status {
+    ) -> Result<(), MeasurementError> {
+        let (id, pixel, height) = (entry.id.clone(), point.px, point.height_m.unwrap_or(0.0));
+        let refused = |status| Err(MeasurementError::Point { camera: id.clone(), pixel, status });
         let efov = self.efov_on_floor(entry);
-        let extent = calib_core::floor::Extent { size: entry.size(), efov: &efov };
+        let extent = Extent { size: entry.size(), efov: &efov };
         if !extent.shows(pixel) {
-            return Status::OutsideImage;
+            return refused(Status::OutsideImage);
         }
         if camera.pixel_to_ray(pixel).is_none() {
-            return Status::OutsideLens;
+            return refused(Status::OutsideLens);
         }
         if is_head {
-            return Status::Ok;
+            return Ok(());
         }
-        match camera.pixel_to_floor(pixel, height) {
-            None => Status::AboveHorizon,
-            Some(at) if !extent.contains(at) => Status::OutsideEfov,
-            Some(_) => Status::Ok,
+        if camera.pixel_to_floor(pixel, height).is_none() {
+            return refused(Status::AboveHorizon);
+        }
+        let surfaces = self.covering_surfaces();
+        let surface = camera.pixel_to_surface(pixel, height, &surfaces).and_then(|point| point.surface);
+        if let Some(plane) = surface.and_then(|index| self.planes.get(index)) {
+            return Err(MeasurementError::OnPlane { camera: id, pixel, plane: plane.id.clone() });
+        }
+        // The EFOV contains the floor point of the pixel.
+        match camera.pixel_to_floor(pixel, 0.0) {
+            Some(floor) if !extent.contains(floor) => refused(Status::OutsideEfov),
+            _ => Ok(()),
         }
     }
 }

@@ -33,6 +33,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         boxes: Boxes::default(),
         height: 0.0,
         sigma: Some(2.0),
+        is_geographic: false,
         replaces: false,
         bad,
     };

@@ -67,7 +67,10 @@ pub struct Boxes {
     form: Option<TableBoxForm>,
     /// Whether the numbers are fractions of the stream. The first batch with boxes decides.
     is_normalised: OnceLock<bool>,
-    note: OnceLock<String>,
+    /// Note about the columns, if their names are not x, y, w, h.
+    columns_note: OnceLock<String>,
+    /// Note about fractions of the stream.
+    fractions_note: OnceLock<String>,
 }
 
 /// Columns of the boxes in a batch.
@@ -84,7 +87,12 @@ impl Boxes {
     /// Creates a reader of boxes of a stated form, or of the form that the names of the columns mean.
     #[must_use]
     pub const fn new(form: Option<TableBoxForm>) -> Self {
-        Self { form, is_normalised: OnceLock::new(), note: OnceLock::new() }
+        Self {
+            form,
+            is_normalised: OnceLock::new(),
+            columns_note: OnceLock::new(),
+            fractions_note: OnceLock::new(),
+        }
     }
 
     /// Whether the user states the form, so that the table contains boxes.
@@ -92,13 +100,13 @@ impl Boxes {
         self.form.is_some()
     }
 
-    /// Returns a note about columns with other names than x, y, w, h, or about fractions of the stream.
-    #[must_use]
-    pub fn note(&self) -> Option<&str> {
-        self.note.get().map(String::as_str)
+    /// Returns notes about columns with other names than x, y, w, h, and about fractions of the stream.
+    pub fn notes(&self) -> impl Iterator<Item = &str> {
+        [&self.columns_note, &self.fractions_note].into_iter().filter_map(OnceLock::get).map(String::as_str)
     }
 
-    /// Finds the columns of boxes. Columns with the stated form are preferred.
+    /// Finds the columns of boxes. Columns with the stated form are preferred. Columns named x, y, w, h or
+    /// similarly can have any stated form; other names do not fit another form.
     pub(crate) fn columns(&self, batch: &RecordBatch) -> Option<BoxColumns> {
         let schema = batch.schema();
         let actual = |name: &str| {
@@ -115,7 +123,8 @@ impl Boxes {
         };
         let stated = self.form.map(TableBoxForm::numbers);
         let of_form = LAYOUTS.into_iter().filter(|(_, form)| stated.is_none_or(|stated| *form == stated));
-        let (names, form) = of_form.chain(LAYOUTS).find_map(found)?;
+        let usual = LAYOUTS.into_iter().filter(|(_, form)| *form == BoxForm::CornerSize);
+        let (names, form) = of_form.chain(usual).find_map(found)?;
         let form = stated.unwrap_or(form);
         let is_plain = names.iter().map(String::as_str).eq(LAYOUTS[0].0);
         if !is_plain {
@@ -124,7 +133,9 @@ impl Boxes {
                 BoxForm::Corners => "upper left and lower right corner",
                 BoxForm::CentreSize => "centre, width and height",
             };
-            let _ = self.note.set(format!("boxes are read from the columns {}: {meaning}", names.join(",")));
+            let _ = self
+                .columns_note
+                .set(format!("boxes are read from the columns {}: {meaning}", names.join(",")));
         }
         Some(BoxColumns { names, form, is_default: stated.is_none() && form == BoxForm::CornerSize })
     }
@@ -151,6 +162,8 @@ impl Boxes {
         let rows: Vec<[f64; 4]> = (0..a.len())
             .map(|row| [a[row], b[row], c[row], d[row]])
             .filter(|numbers| numbers.iter().all(|number| number.is_finite()))
+            // Some detectors write boxes of zeros if they see nothing.
+            .filter(|numbers| numbers.iter().any(|number| *number != 0.0))
             .collect();
         if rows.is_empty() {
             return Ok(false);
@@ -166,7 +179,7 @@ impl Boxes {
         }
         if are_fractions {
             let size = wording.name("stream-size");
-            let _ = self.note.set(format!("the boxes are read as fractions of the size in {size}"));
+            let _ = self.fractions_note.set(format!("the boxes are read as fractions of the size in {size}"));
         }
         Ok(*self.is_normalised.get_or_init(|| are_fractions))
     }

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use arrow_array::{Array as _, RecordBatch, StringArray};
 use arrow_schema::Schema;
-use calib_core::floor::{Stream, StreamError, StreamMap};
+use calib_core::floor::{Stream, StreamError, StreamMap, TangentPlane};
 use calib_core::{Camera, Extent, FloorPoint, FloorProjector, Surface};
 use calib_site::{Site, SiteCamera};
 use serde_json::json;
@@ -55,6 +55,8 @@ struct CalibrationPeriod {
 pub struct Calibrations {
     pub(crate) list: Vec<Calibration>,
     pub(crate) planes: Planes,
+    /// Map from the site to geographic coordinates, if the site has a georeference.
+    pub(crate) tangent_plane: Option<TangentPlane>,
     /// Indices of the calibrations, by camera id.
     by_camera: HashMap<String, Vec<u32>>,
     camera: CameraSource,
@@ -159,7 +161,6 @@ impl Calibrations {
     /// Fails if no requested camera is calibrated, or if the stream does not match an image. Also fails if a
     /// camera has several periods but the rows have no time.
     pub fn from_site(site: &Site, sha256: String, wanted: CalibrationRequest) -> Result<Self, TableError> {
-        let has_stream_size = wanted.stream.size.is_some();
         let mut notes = Vec::new();
         let is_wanted = |entry: &&SiteCamera| match &wanted.camera {
             CameraSource::Only(id) => entry.id == *id,
@@ -204,17 +205,18 @@ impl Calibrations {
             );
             return Err(TableError::Usage(what));
         }
-        let CalibrationRequest { camera, at, wording, .. } = wanted;
+        let CalibrationRequest { camera, at, wording, stream, .. } = wanted;
         let (lost, planes) = (BTreeMap::new(), Planes::from_site(site));
         Ok(Self {
             list,
             planes,
+            tangent_plane: site.tangent_plane(),
             by_camera: of_camera,
             camera,
             at,
             sha256,
             wording,
-            has_stream_size,
+            has_stream_size: stream.size.is_some(),
             notes,
             uncalibrated: lost,
             uncalibrated_others: 0,

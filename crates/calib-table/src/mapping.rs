@@ -9,7 +9,7 @@ use std::sync::Arc;
 use arrow_array::builder::StringBuilder;
 use arrow_array::{ArrayRef, Float64Array, RecordBatch, RecordBatchOptions};
 use arrow_schema::{Field, Schema};
-use calib_core::floor::{StreamMap, SurfacePoint};
+use calib_core::floor::{StreamMap, SurfacePoint, TangentPlane};
 use calib_core::{FloorCovariance, Pixel, Status, SurfaceProjector, WorldPoint};
 
 use crate::boxes::{BoxColumns, Boxes};
@@ -21,6 +21,11 @@ use crate::table_error::TableError;
 /// pixel noise, then from the calibration.
 const SIGMA_COLUMNS: [&str; 6] =
     ["sigma_x_m", "sigma_y_m", "rho", "calibration_sigma_x_m", "calibration_sigma_y_m", "calibration_rho"];
+
+/// Names of the standard deviations toward east and north (metres), from the pixel noise and from the
+/// calibration.
+const GEOGRAPHIC_SIGMA_COLUMNS: [[&str; 2]; 2] =
+    [["sigma_east_m", "sigma_north_m"], ["calibration_sigma_east_m", "calibration_sigma_north_m"]];
 
 /// Values of [`SIGMA_COLUMNS`]; NaN for a missing point or an unknown uncertainty.
 pub(crate) struct Sigmas([Vec<f64>; SIGMA_COLUMNS.len()]);
@@ -173,6 +178,8 @@ pub struct Mapping {
     pub height: f64,
     /// Standard deviation of a detection, in pixels of its stream; adds the columns of uncertainty.
     pub sigma: Option<f64>,
+    /// Whether to add latitude and longitude. The site must have a georeference.
+    pub is_geographic: bool,
     /// Whether output columns replace existing columns of the same name; otherwise these are an error.
     pub replaces: bool,
     /// Handling of invalid cells.
@@ -201,7 +208,12 @@ impl Mapping {
         let schema = batch.schema();
         let mut fields: Vec<Arc<Field>> = schema.fields().iter().cloned().collect();
         let mut columns = batch.columns().to_vec();
-        for (name, column) in mapped.columns(self.to, &calibrations.planes) {
+        let geographic = match calibrations.tangent_plane {
+            _ if !self.is_geographic => Vec::new(),
+            Some(plane) => mapped.geographic_columns(&plane, self.height),
+            None => return Err(self.no_georeference_error()),
+        };
+        for (name, column) in mapped.columns(self.to, &calibrations.planes).into_iter().chain(geographic) {
             let field = Arc::new(Field::new(name, column.data_type().clone(), true));
             match schema.index_of(name) {
                 Ok(_) if !self.replaces => return Err(self.existing_column_error(batch, name)),
@@ -215,6 +227,13 @@ impl Mapping {
         let schema = Schema::new(fields).with_metadata(calibrations.describe(&schema));
         let options = RecordBatchOptions::new().with_row_count(Some(batch.num_rows()));
         Ok(RecordBatch::try_new_with_options(Arc::new(schema), columns, &options)?)
+    }
+
+    fn no_georeference_error(&self) -> TableError {
+        TableError::Usage(format!(
+            "{}: the site has no georeference; add \"georeference\" with lat_deg, lon_deg and x_axis_azimuth_deg",
+            self.bad.wording().name("geographic")
+        ))
     }
 
     fn existing_column_error(&self, batch: &RecordBatch, name: &str) -> TableError {
@@ -414,6 +433,31 @@ impl MappedPoints {
         if let (Some(all), Some(some)) = (&mut self.plane_points, &some.plane_points) {
             all.put(rows, some);
         }
+    }
+
+    /// Returns latitude and longitude, in degrees. If uncertainties are computed, also returns the standard
+    /// deviations toward east and north, in metres: of the pixel, and of the calibration.
+    fn geographic_columns(&self, plane: &TangentPlane, height: f64) -> Vec<(&'static str, ArrayRef)> {
+        let height_of = |row: usize| match &self.plane_points {
+            Some(points) => points.0[row].map_or(height, |point| point.at.z),
+            None => height,
+        };
+        let degrees = |row: usize| {
+            let point = WorldPoint { x: self.x[row], y: self.y[row], z: height_of(row) };
+            let at = if point.is_finite() { Some(plane.to_geographic(point)) } else { None };
+            at.map_or([f64::NAN; 2], |at| [at.latitude.to_degrees(), at.longitude.to_degrees()])
+        };
+        let (latitudes, longitudes): (Vec<f64>, Vec<f64>) =
+            (0..self.x.len()).map(|row| degrees(row).into()).unzip();
+        let mut columns = vec![("lat_deg", nan_to_null(latitudes)), ("lon_deg", nan_to_null(longitudes))];
+        for (part, names) in GEOGRAPHIC_SIGMA_COLUMNS.into_iter().enumerate() {
+            let Some(Sigmas(values)) = &self.sigmas else { break };
+            let [x, y, rho] = [0, 1, 2].map(|index| &values[3 * part + index]);
+            let of = |row: usize| plane.east_north_sigmas([x[row], y[row], rho[row]]);
+            let (east, north): (Vec<f64>, Vec<f64>) = (0..x.len()).map(|row| of(row).into()).unzip();
+            columns.extend(names.into_iter().zip([nan_to_null(east), nan_to_null(north)]));
+        }
+        columns
     }
 
     /// Returns the output columns with their names.

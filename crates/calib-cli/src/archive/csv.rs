@@ -158,6 +158,9 @@ impl Csv {
     fn fill(&mut self, columns: &mut [StringBuilder]) -> Result<bool, CommandError> {
         self.lines.clear();
         self.incomplete.clear();
+        let is_text_column = |index: usize| self.as_text.contains(self.schema.field(index).name());
+        let has_decimal_commas: Vec<bool> =
+            (0..columns.len()).map(|index| self.has_decimal_commas && !is_text_column(index)).collect();
         let mut bytes = 0;
         let most = if self.needs_types { TYPE_INFERENCE_ROWS } else { BATCH_ROWS };
         while self.lines.len() < most && bytes < BATCH_BYTES {
@@ -176,7 +179,7 @@ impl Csv {
             let is_kept = is_whole || !(self.needs_types || self.has_types());
             for (index, column) in columns.iter_mut().enumerate() {
                 let cell = self.record.get(index).filter(|cell| is_kept && !cell.is_empty());
-                let number = cell.filter(|_| self.has_decimal_commas).and_then(decimal_point);
+                let number = cell.filter(|_| has_decimal_commas[index]).and_then(decimal_point);
                 let text = number.as_deref().or(cell).map(String::from_utf8_lossy);
                 bytes += text.as_ref().map_or(0, |text| text.len()) + CELL_BYTES;
                 column.append_option(text);

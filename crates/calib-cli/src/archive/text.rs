@@ -1,6 +1,6 @@
 //! Text of a CSV table: its encoding, and the separator of its cells.
 
-use std::io::{BufRead as _, BufReader, Read};
+use std::io::{Cursor, Read};
 
 /// Number of bytes at the start of a table that show its encoding and separator.
 const HEAD_BYTES: usize = 1 << 16;
@@ -19,8 +19,8 @@ impl CsvText {
     /// Detects the encoding and the separator from the first line.
     pub(super) fn new(from: Box<dyn Read>) -> std::io::Result<Self> {
         let mut notes = Vec::new();
-        let mut bytes = BufReader::with_capacity(HEAD_BYTES, from);
-        let from: Box<dyn Read> = match bytes.fill_buf()? {
+        let (head, bytes) = with_head(from)?;
+        let from: Box<dyn Read> = match &head[..] {
             [0xFF, 0xFE, ..] => {
                 notes.push("read as UTF-16 text");
                 Box::new(Utf16::new(bytes, u16::from_le_bytes))
@@ -29,17 +29,31 @@ impl CsvText {
                 notes.push("read as UTF-16 text");
                 Box::new(Utf16::new(bytes, u16::from_be_bytes))
             }
-            _ => Box::new(bytes),
+            _ => bytes,
         };
-        let mut reader = BufReader::with_capacity(HEAD_BYTES, from);
-        let separator = separator(reader.fill_buf()?);
+        let (head, reader) = with_head(from)?;
+        let separator = separator(&head);
         match separator {
             b';' => notes.push("cells are separated by semicolons; a comma in a number is a decimal point"),
             b'\t' => notes.push("cells are separated by tabs; a comma in a number is a decimal point"),
             _ => {}
         }
-        Ok(Self { reader: Box::new(reader), separator, notes })
+        Ok(Self { reader, separator, notes })
     }
+}
+
+/// Reads the first line, at most [`HEAD_BYTES`]. Returns its bytes, and a reader of the whole text. A pipe can
+/// return fewer bytes than a line in one read.
+fn with_head(mut from: Box<dyn Read>) -> std::io::Result<(Vec<u8>, Box<dyn Read>)> {
+    let mut head = Vec::new();
+    let mut part = [0; 4096];
+    while head.len() < HEAD_BYTES && !head.contains(&b'\n') {
+        match from.read(&mut part)? {
+            0 => break,
+            count => head.extend_from_slice(&part[..count]),
+        }
+    }
+    Ok((head.clone(), Box::new(Cursor::new(head).chain(from))))
 }
 
 /// Returns the separator of a header line: a comma if it contains one outside quotes, otherwise the more
@@ -147,7 +161,7 @@ mod tests {
                 [(u16::to_le_bytes as fn(u16) -> [u8; 2], [0xFF, 0xFE]), (u16::to_be_bytes, [0xFE, 0xFF])]
             {
                 let bytes: Vec<u8> = mark.into_iter().chain(text.encode_utf16().flat_map(unit)).collect();
-                let mut found = CsvText::new(Box::new(std::io::Cursor::new(bytes))).unwrap();
+                let mut found = CsvText::new(Box::new(Cursor::new(bytes))).unwrap();
                 let mut read = String::new();
                 found.reader.read_to_string(&mut read).unwrap();
                 assert!(read == text, "the text differs");

@@ -1,7 +1,9 @@
-//! Coverage: which floor points a group of cameras sees, and with which pixel density.
+//! Coverage: the floor points that a group of cameras sees, and their pixel densities.
 //!
 //! A camera sees a target at a floor point and a height if three conditions hold: the floor point is in the
 //! camera's EFOV, the point at the height is in the image, and no wall crosses the line of sight to it.
+
+use std::f64::consts::TAU;
 
 use crate::camera::{Camera, FloorPoint, WorldPoint};
 use crate::floor::extent::Extent;
@@ -19,14 +21,12 @@ pub struct Wall {
 }
 
 impl Wall {
-    /// Distance from the camera, in metres, within which a wall does not block: the camera is mounted on it,
-    /// and the calibrated position can be on either side.
-    const MOUNT: f64 = 0.1;
-
     /// Whether the wall crosses the line of sight from `eye` to `target`. A target that touches the wall is
     /// visible.
     #[must_use]
     pub fn blocks(&self, eye: WorldPoint, target: WorldPoint) -> bool {
+        /// Share of the line of sight at its end that counts as touching the wall.
+        const TOUCHING_SHARE: f64 = 1e-9;
         let sight = [target.x - eye.x, target.y - eye.y];
         let along = [self.to.x - self.from.x, self.to.y - self.from.y];
         let start = [self.from.x - eye.x, self.from.y - eye.y];
@@ -35,11 +35,67 @@ impl Wall {
         // finite for parallel lines, which do not block.
         let of_sight = (start[0] * along[1] - start[1] * along[0]) / determinant;
         let of_wall = (start[0] * sight[1] - start[1] * sight[0]) / determinant;
-        /// Share of the line of sight at its end that counts as touching the wall.
-        const TOUCHING: f64 = 1e-9;
-        let distance = of_sight * sight[0].hypot(sight[1]);
-        let is_between = of_sight < 1.0 - TOUCHING && distance > Self::MOUNT;
-        is_between && (0.0..=1.0).contains(&of_wall) && eye.z + of_sight * (target.z - eye.z) < self.height
+        (0.0..1.0 - TOUCHING_SHARE).contains(&of_sight)
+            && (0.0..=1.0).contains(&of_wall)
+            && eye.z + of_sight * (target.z - eye.z) < self.height
+    }
+
+    /// Whether a camera can be mounted on the wall: it is within 10 cm of it, seen from above. The calibrated
+    /// position can then be on either side, so the wall does not block this camera.
+    #[must_use]
+    pub fn carries(&self, camera: FloorPoint) -> bool {
+        /// Largest distance of a mounted camera from the wall, in metres.
+        const MAX_MOUNT_DISTANCE: f64 = 0.1;
+        let along = [self.to.x - self.from.x, self.to.y - self.from.y];
+        let start = [camera.x - self.from.x, camera.y - self.from.y];
+        let square = along[0] * along[0] + along[1] * along[1];
+        let share = if square > 0.0 { (start[0] * along[0] + start[1] * along[1]) / square } else { 0.0 };
+        let share = share.clamp(0.0, 1.0);
+        let off = [start[0] - share * along[0], start[1] - share * along[1]];
+        off[0].hypot(off[1]) <= MAX_MOUNT_DISTANCE
+    }
+}
+
+/// Walls around a camera, sorted by their direction from it.
+struct WallsAround {
+    eye: WorldPoint,
+    /// Walls of each sector of the circle around the camera.
+    sectors: Vec<Vec<Wall>>,
+}
+
+impl WallsAround {
+    /// Number of sectors.
+    const SECTORS: usize = 512;
+
+    fn new(eye: WorldPoint, walls: &[Wall], efov: &[FloorPoint]) -> Self {
+        let bounds = Bounds::new(efov.iter().copied().chain([eye.on_floor()]));
+        let mut sectors = vec![Vec::new(); Self::SECTORS];
+        let is_near = |wall: &&Wall| {
+            !wall.carries(eye.on_floor()) && bounds.meets(&Bounds::new([wall.from, wall.to].into_iter()))
+        };
+        for wall in walls.iter().filter(is_near) {
+            let [from, to] = [wall.from, wall.to].map(|end| Self::angle(eye, end));
+            // A wall spans less than half of the circle around the camera.
+            let turn = (to - from + 0.5 * TAU).rem_euclid(TAU) - 0.5 * TAU;
+            let (first, last) = if turn >= 0.0 { (from, from + turn) } else { (from + turn, from) };
+            let sector = |angle: f64| (angle / TAU * Self::SECTORS as f64).floor() as i64;
+            // The neighbours are included, so that rounding at a border loses no wall.
+            for index in sector(first) - 1..=sector(last) + 1 {
+                sectors[index.rem_euclid(Self::SECTORS as i64) as usize].push(*wall);
+            }
+        }
+        Self { eye, sectors }
+    }
+
+    fn angle(eye: WorldPoint, point: FloorPoint) -> f64 {
+        (point.y - eye.y).atan2(point.x - eye.x).rem_euclid(TAU)
+    }
+
+    /// Whether a wall crosses the line of sight to the target.
+    fn hide(&self, target: WorldPoint) -> bool {
+        let angle = Self::angle(self.eye, target.on_floor());
+        let sector = ((angle / TAU * Self::SECTORS as f64) as usize).min(Self::SECTORS - 1);
+        self.sectors[sector].iter().any(|wall| wall.blocks(self.eye, target))
     }
 }
 
@@ -116,54 +172,147 @@ pub struct Reach {
     /// Distance from the foot of the camera to the point, in metres.
     pub distance: f64,
     /// Standard deviation of the distance, in metres, from the errors of the calibration. `None` if an error is
-    /// unknown, or if the end of the visible floor limits the distance and not the density.
+    /// unknown, or if the border of the view or a wall limits the distance in this direction.
     pub sigma: Option<f64>,
-    /// Whether the pixel density limits the distance. Otherwise the camera sees no floor farther away.
+    /// Whether the camera sees farther floor with a lower density. Otherwise it reaches the density as far as it
+    /// sees the floor.
     pub is_limited_by_density: bool,
 }
 
 impl CoverageCamera<'_> {
-    /// Returns the farthest point with the pixel density `density` (pixels per metre) for targets at `height`
-    /// metres, in the direction of the farthest such point of the grid. Returns `None` if no point of the grid
-    /// has this density.
+    /// Returns, for each pixel density (pixels per metre), the farthest visible point that reaches it, for
+    /// targets at `height` metres. A density that no point reaches gives `None`.
     ///
-    /// The border of the density is found by bisection. If its error moves the density by `s` and the density
-    /// falls by `g` per metre of distance, then the standard deviation of the border is `s / g`.
+    /// The farthest points of a grid give the directions; bisection gives the border of the density. If the
+    /// errors of the calibration change the density there by `s`, and the density falls by `g` per metre of
+    /// distance, then the standard deviation of the border is `s / g`.
     #[must_use]
-    pub fn reach(&self, walls: &[Wall], grid: &FloorGrid, [height, density]: [f64; 2]) -> Option<Reach> {
+    pub fn reaches<const N: usize>(
+        &self,
+        walls: &[Wall],
+        height: f64,
+        densities: [f64; N],
+    ) -> [Option<Reach>; N] {
+        /// Number of grid points along each side of the EFOV.
+        const SIDE_POINTS: usize = 150;
+        /// Smallest distance of a point whose direction is searched, as a share of the largest distance.
+        const MIN_SHARE: f64 = 0.98;
+        /// Largest number of directions that are searched.
+        const MAX_CANDIDATES: usize = 60;
+        let Bounds { low, high } = Bounds::new(self.extent.efov.iter().copied());
+        let size = [high[0] - low[0], high[1] - low[1]];
+        let step = size[0].max(size[1]) / SIDE_POINTS as f64;
+        if !(step.is_finite() && step > 0.0) {
+            return [None; N];
+        }
+        let count = size.map(|length| (length / step) as usize + 1);
+        let origin = FloorPoint { x: low[0], y: low[1] };
+        let grid = FloorGrid { origin, step, columns: count[0], rows: count[1] };
+        let around = WallsAround::new(self.camera.position, walls, self.extent.efov);
+        let foot = self.camera.position.on_floor();
+        let mut visible: Vec<(f64, f64, FloorPoint)> = Vec::new();
+        self.each_visible(&around, &grid, height, |at, density| {
+            let point = grid.point(at);
+            visible.push((point.distance(foot), density, point));
+        });
+        visible.sort_by(|a, b| b.0.total_cmp(&a.0));
+        densities.map(|density| {
+            let index = visible.iter().position(|(_, own, _)| *own >= density)?;
+            let farthest = visible[index].0;
+            let is_limited_by_density = index > 0;
+            // In some directions the border of the view is nearer than that of the density.
+            let candidates = visible[index..]
+                .iter()
+                .take_while(|(distance, ..)| *distance >= MIN_SHARE * farthest)
+                .filter(|(_, own, _)| is_limited_by_density && *own >= density)
+                .take(MAX_CANDIDATES);
+            let borders = candidates.filter_map(|&(distance, _, point)| {
+                Border { camera: self, around: &around, point, height, density }.refine(distance, step)
+            });
+            let border = borders.max_by(|a, b| a.0.total_cmp(&b.0));
+            let (distance, sigma) = border.map_or((farthest, None), |(distance, sigma)| (distance, sigma));
+            Some(Reach { distance, sigma, is_limited_by_density })
+        })
+    }
+
+    /// Calls `each` with the index and the pixel density of every visible point of a grid.
+    fn each_visible(
+        &self,
+        around: &WallsAround,
+        grid: &FloorGrid,
+        height: f64,
+        mut each: impl FnMut(usize, f64),
+    ) {
+        let densities = DensityCamera::new(self.camera);
+        for row in 0..grid.rows {
+            for column in grid.columns_inside(self.extent.efov, row).into_iter().flatten() {
+                let target = WorldPoint::new(grid.x(column), grid.y(row), height);
+                let Some((pixel, density)) = densities.at(target) else { continue };
+                if self.extent.shows(pixel) && !around.hide(target) {
+                    each(row * grid.columns + column, density);
+                }
+            }
+        }
+    }
+
+    /// Whether a target is visible.
+    fn sees(&self, around: &WallsAround, target: WorldPoint) -> bool {
+        self.extent.contains(target.on_floor())
+            && self.camera.world_to_pixel(target).is_some_and(|pixel| self.extent.shows(pixel))
+            && !around.hide(target)
+    }
+}
+
+/// Border of a pixel density in the direction of a floor point.
+struct Border<'a> {
+    camera: &'a CoverageCamera<'a>,
+    around: &'a WallsAround,
+    /// Floor point that reaches the density.
+    point: FloorPoint,
+    /// Height of the targets, in metres.
+    height: f64,
+    /// Density, in pixels per metre.
+    density: f64,
+}
+
+impl Border<'_> {
+    /// Returns the target of a camera at `distance` metres from its foot, in the direction of the point.
+    fn target(&self, camera: &Camera, distance: f64) -> WorldPoint {
+        let foot = self.camera.camera.position.on_floor();
+        let share = distance / self.point.distance(foot);
+        let [x, y] = [share * (self.point.x - foot.x), share * (self.point.y - foot.y)];
+        WorldPoint::new(camera.position.x + x, camera.position.y + y, self.height)
+    }
+
+    /// Returns the distance of the border and its standard deviation. `least` is the distance of the point,
+    /// and `step` the distance of grid points. Returns `None` if the density does not end within two steps in
+    /// this direction, or if the border of the view or a wall is nearer than that of the density.
+    fn refine(&self, least: f64, step: f64) -> Option<(f64, Option<f64>)> {
         /// Number of bisection steps.
         const HALVINGS: usize = 40;
         /// Step of the derivative along the distance, in metres.
         const STEP: f64 = 1e-3;
-        let alone = Coverage::new(std::slice::from_ref(self), walls, grid, height);
-        let foot = self.camera.position.on_floor();
-        let seen = (0..grid.len()).filter(|&at| alone.best[at].is_some() && alone.density[at] >= density);
-        let farthest =
-            seen.map(|at| grid.point(at)).max_by(|a, b| a.distance(foot).total_cmp(&b.distance(foot)))?;
-        let least = farthest.distance(foot);
-        let at = |distance: f64| {
-            let share = if least > 0.0 { distance / least } else { 0.0 };
-            let along = |foot: f64, end: f64| foot + share * (end - foot);
-            WorldPoint::new(along(foot.x, farthest.x), along(foot.y, farthest.y), height)
+        let camera = self.camera.camera;
+        let of = |camera: &Camera, distance: f64| camera.pixel_density(self.target(camera, distance));
+        let reaches = |distance: f64| {
+            self.camera.sees(self.around, self.target(camera, distance))
+                && of(camera, distance).is_some_and(|density| density >= self.density)
         };
-        let of = |distance: f64| self.camera.pixel_density(at(distance)).unwrap_or(0.0);
-        let (mut low, mut high) = (least, least + 2.0 * grid.step);
-        if of(high) >= density || !self.shows(at(high)) {
-            return Some(Reach { distance: least, sigma: None, is_limited_by_density: false });
+        let (mut low, mut high) = (least, least + 2.0 * step);
+        if least <= STEP || !reaches(low) || reaches(high) {
+            return None;
         }
         for _ in 0..HALVINGS {
             let middle = 0.5 * (low + high);
-            if of(middle) >= density { low = middle } else { high = middle }
+            if reaches(middle) { low = middle } else { high = middle }
         }
-        let slope = (of(low + STEP) - of(low - STEP)) / (2.0 * STEP);
-        let sigma = self.camera.pixel_density_sigma(at(low)).map(|sigma| sigma / slope.abs());
-        Some(Reach { distance: low, sigma: sigma.filter(|s| s.is_finite()), is_limited_by_density: true })
-    }
-
-    /// Whether a target is in the EFOV and in the image.
-    fn shows(&self, target: WorldPoint) -> bool {
-        self.extent.contains(target.on_floor())
-            && self.camera.world_to_pixel(target).is_some_and(|pixel| self.extent.shows(pixel))
+        if !of(camera, high).is_some_and(|density| density < self.density) {
+            return None;
+        }
+        let slope = (of(camera, low + STEP)? - of(camera, low - STEP)?) / (2.0 * STEP);
+        let variance = camera.variance_of(|camera| of(camera, low));
+        let sigma = variance.map(|variance| variance.sqrt() / slope.abs()).filter(|sigma| sigma.is_finite());
+        Some((low, sigma))
     }
 }
 
@@ -196,33 +345,28 @@ impl Coverage {
     fn add(
         &mut self,
         index: usize,
-        CoverageCamera { camera, extent }: &CoverageCamera<'_>,
+        camera: &CoverageCamera<'_>,
         walls: &[Wall],
         grid: &FloorGrid,
         height: f64,
     ) {
-        let bounds = Bounds::new(extent.efov.iter().copied().chain([camera.position.on_floor()]));
-        let walls: Vec<Wall> = walls
-            .iter()
-            .filter(|wall| bounds.meets(&Bounds::new([wall.from, wall.to].into_iter())))
-            .copied()
-            .collect();
-        let densities = DensityCamera::new(camera);
-        for row in 0..grid.rows {
-            for column in grid.columns_inside(extent.efov, row).into_iter().flatten() {
-                let target = WorldPoint::new(grid.x(column), grid.y(row), height);
-                let Some((pixel, density)) = densities.at(target) else { continue };
-                if !extent.shows(pixel) || walls.iter().any(|wall| wall.blocks(camera.position, target)) {
-                    continue;
-                }
-                let at = row * grid.columns + column;
-                self.seen_by[at] += 1;
-                if self.best[at].is_none() || density > self.density[at] {
-                    (self.density[at], self.best[at]) = (density, Some(index));
-                }
+        let around = WallsAround::new(camera.camera.position, walls, camera.extent.efov);
+        camera.each_visible(&around, grid, height, |at, density| {
+            self.seen_by[at] += 1;
+            if self.best[at].is_none() || density > self.density[at] {
+                (self.density[at], self.best[at]) = (density, Some(index));
             }
-        }
+        });
     }
+}
+
+/// Requirement on the targets of an area.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Requirement {
+    /// Height of the targets above the floor, in metres.
+    pub height: f64,
+    /// Smallest pixel density, in pixels per metre; 0 if targets only need to be visible.
+    pub density: f64,
 }
 
 /// Coverage of an area of the floor.
@@ -237,32 +381,31 @@ pub struct AreaCoverage {
 }
 
 impl AreaCoverage {
-    /// Computes the coverage of a polygon, for targets at `height` metres. The shares are those of a grid of
-    /// points, whose distance is at most `step` metres. `required` is the required pixel density, in pixels
-    /// per metre. Returns `None` if the polygon has no area.
+    /// Computes the coverage of a polygon, from the centres of about 10,000 cells. Returns `None` if the polygon
+    /// has no area.
     #[must_use]
     pub fn new(
         cameras: &[CoverageCamera<'_>],
         walls: &[Wall],
         polygon: &[FloorPoint],
-        [height, required, step]: [f64; 3],
+        required: Requirement,
     ) -> Option<Self> {
-        /// Smallest number of points of the bounding box. The error of a share is then about 0.2 %.
-        const MIN_POINTS: f64 = 40_000.0;
-        /// Largest number of points of the bounding box, which limits the time for a large area.
-        const MAX_POINTS: f64 = 1_000_000.0;
+        /// Number of cells of the bounding box. The error of a share is then below 0.5 %.
+        const CELLS: f64 = 10_000.0;
+        /// Largest number of cells along a side, for long and narrow areas.
+        const MAX_SIDE_CELLS: f64 = 2_000.0;
         let Bounds { low, high } = Bounds::new(polygon.iter().copied());
         let size = [high[0] - low[0], high[1] - low[1]];
         let area = size[0] * size[1];
         if !(area.is_finite() && area > 0.0) {
             return None;
         }
-        let step = step.min((area / MIN_POINTS).sqrt()).max((area / MAX_POINTS).sqrt());
-        let count = size.map(|length| (length / step).ceil().clamp(1.0, MAX_POINTS) as usize);
+        let step = (area / CELLS).sqrt().max(size[0].max(size[1]) / MAX_SIDE_CELLS);
+        let count = size.map(|length| (length / step).ceil().max(1.0) as usize);
         // The points are the centres of cells.
         let origin = FloorPoint { x: low[0] + 0.5 * step, y: low[1] + 0.5 * step };
         let grid = FloorGrid { origin, step, columns: count[0], rows: count[1] };
-        let coverage = Coverage::new(cameras, walls, &grid, height);
+        let coverage = Coverage::new(cameras, walls, &grid, required.height);
         let mut inside = 0_usize;
         let (mut reached, mut blind, mut worst) = (0_usize, 0_usize, None);
         for row in 0..grid.rows {
@@ -274,7 +417,7 @@ impl AreaCoverage {
                     blind += 1;
                     continue;
                 }
-                reached += usize::from(density >= required);
+                reached += usize::from(density >= required.density);
                 worst = Some(worst.map_or(density, |worst: f64| worst.min(density)));
             }
         }
@@ -334,7 +477,10 @@ mod tests {
                 let foot = grid.point(at);
                 let target = foot.at_height(height);
                 let sees = |CoverageCamera { camera, extent }: &CoverageCamera<'_>| {
-                    let blocked = walls.iter().any(|wall| wall.blocks(camera.position, target));
+                    let foot_of_camera = camera.position.on_floor();
+                    let blocked = walls
+                        .iter()
+                        .any(|wall| !wall.carries(foot_of_camera) && wall.blocks(camera.position, target));
                     let density = camera.pixel_density(target)?;
                     (extent.contains(foot) && extent.shows(camera.world_to_pixel(target)?) && !blocked)
                         .then_some(density)
@@ -357,8 +503,7 @@ mod tests {
         assert!(!at(0.0, 9.9, 0.1), "the target is above the line of sight over the wall");
         assert!(!at(0.0, 5.0, 0.0) && at(0.0, 5.1, 0.0), "a target at the wall is visible");
         assert!(!at(3.0, 9.0, 0.0), "the line of sight passes beside the wall");
-        let mounted = WorldPoint::new(0.0, 5.05, 1.5);
-        assert!(!wall.blocks(mounted, WorldPoint::new(0.0, 1.0, 0.0)), "the camera is mounted on the wall");
+        assert!(wall.carries(FloorPoint { x: 0.5, y: 5.09 }) && !wall.carries(FloorPoint { x: 1.5, y: 5.0 }));
     }
 
     #[test]
@@ -374,19 +519,26 @@ mod tests {
             lens: crate::camera::Lens::pinhole([960.0, 540.0].into()),
             covariance,
         };
-        let efov = default_efov(&camera, SIZE).polygon;
+        // A narrow strip along the optical axis, so that all borders are in one direction.
+        let efov = [[0.9, 7.0], [1.1, 7.0], [1.1, 17.0], [0.9, 17.0]].map(FloorPoint::from);
         let of = CoverageCamera { camera: &camera, extent: Extent { size: SIZE, efov: &efov } };
-        let grid = FloorGrid { origin: FloorPoint { x: -19.0, y: 0.0 }, step: 0.25, columns: 160, rows: 90 };
-        let reach = of.reach(&[], &grid, [0.0, 100.0]).unwrap();
+        let densities = [1.0, 100.0, 1e6];
+        let [all, reach, none] = of.reaches(&[], 0.0, densities);
+        let reach = reach.unwrap();
         assert!(reach.is_limited_by_density && reach.distance > 5.0, "{reach:?}");
         // The density is proportional to the focal length; a longer one moves the border by the sigma.
         let longer = Camera { focal: 1010.0, ..camera };
-        let farther = CoverageCamera { camera: &longer, ..of }.reach(&[], &grid, [0.0, 100.0]).unwrap();
-        let moved = farther.distance - reach.distance;
+        let [_, farther, _] = CoverageCamera { camera: &longer, ..of }.reaches(&[], 0.0, densities);
+        let moved = farther.unwrap().distance - reach.distance;
         assert!((moved - reach.sigma.unwrap()).abs() < 0.1 * moved, "{moved} {reach:?}");
-        assert_eq!(of.reach(&[], &grid, [0.0, 1e6]), None);
-        let all = of.reach(&[], &grid, [0.0, 1.0]).unwrap();
-        assert!(!all.is_limited_by_density && all.sigma.is_none());
+        assert_eq!(none, None);
+        assert!(all.is_some_and(|all| !all.is_limited_by_density && all.sigma.is_none()));
+        // A wall across the view, lower than the camera, hides the border.
+        let [left, right] = [-20.0, 20.0].map(|x| FloorPoint { x, y: 2.0 + 0.8 * reach.distance });
+        let wall = Wall { from: left, to: right, height: 9.0 };
+        let [_, nearer, _] = of.reaches(&[wall], 0.0, densities);
+        let nearer = nearer.unwrap();
+        assert!(nearer.distance < 0.81 * reach.distance && nearer.sigma.is_none(), "{nearer:?}");
     }
 
     #[test]
@@ -404,14 +556,15 @@ mod tests {
         let efov = default_efov(&camera, SIZE).polygon;
         let of = [CoverageCamera { camera: &camera, extent: Extent { size: SIZE, efov: &efov } }];
         let area = [[0.0, -1.0], [8.0, -1.0], [8.0, 1.0], [0.0, 1.0]].map(FloorPoint::from);
-        let found = AreaCoverage::new(&of, &[], &area, [0.0, 0.0, 0.5]).unwrap();
+        let visible = Requirement { height: 0.0, density: 0.0 };
+        let found = AreaCoverage::new(&of, &[], &area, visible).unwrap();
         assert!((found.blind_share - 0.5).abs() < 0.005, "{found:?}");
         assert!((found.share - 0.5).abs() < 0.005);
         let wall =
             Wall { from: FloorPoint { x: 2.0, y: -9.0 }, to: FloorPoint { x: 2.0, y: 9.0 }, height: 1.0 };
         // Behind the wall the floor is hidden as far as x = 2 * 4 / 3.
-        let found = AreaCoverage::new(&of, &[wall], &area, [0.0, 0.0, 0.5]).unwrap();
+        let found = AreaCoverage::new(&of, &[wall], &area, visible).unwrap();
         assert!((found.blind_share - 0.5 - 2.0 / 3.0 / 8.0).abs() < 0.005, "{found:?}");
-        assert_eq!(AreaCoverage::new(&of, &[], &area[..2], [0.0, 0.0, 0.5]), None);
+        assert_eq!(AreaCoverage::new(&of, &[], &area[..2], visible), None);
     }
 }

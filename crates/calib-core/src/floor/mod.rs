@@ -20,6 +20,7 @@
 //! - `pixel_density`: **pixels per metre of a vertical target**, and the levels of IEC 62676-4.
 //! - `coverage`: visible floor, blind spots and walls of a group of cameras.
 //! - `ruler`: **lengths, areas and heights with their standard deviations**.
+//! - `tangent_plane`: geographic coordinates of the site.
 //! - `window`: **perspective and cylindrical views in any direction within a lens**.
 
 mod placement;
@@ -39,10 +40,11 @@ mod remap;
 mod pixel_density;
 mod coverage;
 mod ruler;
+mod tangent_plane;
 mod window;
 
 pub use camera_view::CameraView;
-pub use coverage::{AreaCoverage, Coverage, CoverageCamera, FloorGrid, Reach, Wall};
+pub use coverage::{AreaCoverage, Coverage, CoverageCamera, FloorGrid, Reach, Requirement, Wall};
 pub use detection_box::BoxForm;
 pub use efov::{Efov, default_efov, efov_on_floor, efov_on_plane};
 pub use extent::{Extent, Status};
@@ -59,4 +61,5 @@ pub use scene::{
 };
 pub use stream::{PixelOrigin, Stream, StreamError, StreamFit, StreamMap};
 pub use surface::{Surface, SurfacePoint, SurfaceProjector, SurfaceSigmas};
+pub use tangent_plane::{Geographic, TangentPlane};
 pub use window::{Mount, ViewDirection, Window, lens_reach, view_angle};

@@ -125,14 +125,38 @@ impl Camera {
     /// camera is unknown.
     #[must_use]
     pub fn pixel_density_sigma(&self, point: WorldPoint) -> Option<f64> {
-        let gradient = self.gradient_of(|camera| camera.pixel_density(point))?;
-        let [[variance, _], _] = self.covariance.propagate(&gradient.map(|by| [by, by]))?;
-        Some(variance.max(0.0).sqrt())
+        Some(self.variance_of(|camera| camera.pixel_density(point))?.sqrt())
+    }
+
+    /// Returns the variance of a quantity that the errors of the camera cause. Returns `None` if the quantity
+    /// does not exist, or depends on a parameter whose error is unknown.
+    pub(crate) fn variance_of(&self, quantity: impl Fn(&Self) -> Option<f64>) -> Option<f64> {
+        let gradient = self.without_unknown_errors(self.gradient_of(quantity)?)?;
+        Some(covariance_product(&gradient, &self.covariance.0, &gradient).max(0.0))
+    }
+
+    /// Returns the derivatives of a quantity with exact zeros for the parameters whose errors are unknown.
+    /// Returns `None` if the quantity depends on such a parameter.
+    pub(crate) fn without_unknown_errors(
+        &self,
+        mut gradient: [f64; Covariance::SIZE],
+    ) -> Option<[f64; Covariance::SIZE]> {
+        /// Largest derivative that rounding can cause, per metre, radian or pixel.
+        const MAX_ROUNDING: f64 = 1e-5;
+        for (index, by) in gradient.iter_mut().enumerate() {
+            if self.covariance.0[index][index].is_infinite() {
+                if by.abs() > MAX_ROUNDING {
+                    return None;
+                }
+                *by = 0.0;
+            }
+        }
+        Some(gradient)
     }
 
     /// Returns the derivatives of a quantity with respect to every parameter of [`Covariance`], by central
     /// differences. They are zero for parameters that were not estimated. Returns `None` if the quantity does
-    /// not exist for this camera or a camera beside it.
+    /// not exist for this camera, or for a camera with a slightly different parameter.
     pub(crate) fn gradient_of(
         &self,
         quantity: impl Fn(&Self) -> Option<f64>,
@@ -153,6 +177,18 @@ impl Camera {
         }
         Some(gradient)
     }
+}
+
+/// Returns `a' C b` for two vectors of derivatives with respect to camera parameters.
+pub(crate) fn covariance_product(
+    a: &[f64; Covariance::SIZE],
+    covariance: &[[f64; Covariance::SIZE]; Covariance::SIZE],
+    b: &[f64; Covariance::SIZE],
+) -> f64 {
+    // Entries of unknown errors are infinite, and their derivatives are zero.
+    let times = |c: f64, by: f64| if by == 0.0 { 0.0 } else { c * by };
+    let row = |row: &[f64; Covariance::SIZE]| row.iter().zip(b).map(|(c, b)| times(*c, *b)).sum::<f64>();
+    a.iter().zip(covariance).map(|(a, c)| times(row(c), *a)).sum()
 }
 
 /// Returns the smaller singular value of a 2 x 2 matrix, which is its determinant divided by the larger one.

@@ -9,6 +9,7 @@
 //! and b. Errors of one camera move all its points together, so they mostly cancel in a short length.
 
 use crate::camera::{Camera, Covariance, FloorPoint, Pixel, WorldPoint, dot};
+use crate::floor::pixel_density::covariance_product;
 
 /// Point of a measurement: a pixel of one camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,15 +53,33 @@ impl std::fmt::Debug for Ruler<'_> {
 impl Ruler<'_> {
     /// Measures the length of the line through points of known heights. Returns `None` with fewer than two
     /// points, or if a pixel does not show a point at its height.
+    ///
+    /// The standard deviation is that of the component of the displacement along the line. If the line is
+    /// shorter than about three standard deviations, this component is not known. The standard deviation is
+    /// then that of the worst direction, so that a standing object does not have a speed of 0 ± 0.
     #[must_use]
     pub fn length(&self, points: &[RulerPoint]) -> Option<Measured> {
-        if points.len() < 2 {
-            return None;
-        }
-        self.measure(points, |cameras, points| {
+        /// Length below which the direction of a line is not known, in standard deviations.
+        const MIN_SIGMAS: f64 = 3.0;
+        let [from, .., to] = points else { return None };
+        let along = self.measure(points, |cameras, points| {
             let world = points.iter().map(|point| world_point(cameras, point)).collect::<Option<Vec<_>>>()?;
             Some(world.windows(2).map(|pair| pair[0].distance(pair[1])).sum())
-        })
+        })?;
+        let ends = [*from, *to];
+        let on_axis = |axis: usize| {
+            let component = self.measure(&ends, |cameras, points| {
+                let [a, b] = [world_point(cameras, &points[0])?, world_point(cameras, &points[1])?];
+                Some([b.x - a.x, b.y - a.y][axis])
+            })?;
+            Some(component.sigma.map(|sigma| sigma * sigma))
+        };
+        // An unknown yaw makes the components uncertain, but not the length.
+        let [Some(x), Some(y)] = [on_axis(0)?, on_axis(1)?] else { return Some(along) };
+        // The sum of both variances is at least the larger eigenvalue of their covariance matrix.
+        let worst = (x + y).sqrt();
+        let sigma = if along.value < MIN_SIGMAS * worst { Some(worst) } else { along.sigma };
+        Some(Measured { sigma, ..along })
     }
 
     /// Measures the area of a polygon, seen from above. Returns `None` with fewer than three points, or if a
@@ -70,34 +89,44 @@ impl Ruler<'_> {
         if points.len() < 3 {
             return None;
         }
-        self.measure(points, |cameras, points| {
+        let signed = self.measure(points, |cameras, points| {
             let floor = points
                 .iter()
                 .map(|point| world_point(cameras, point).map(WorldPoint::on_floor))
                 .collect::<Option<Vec<FloorPoint>>>()?;
+            // Relative to the first corner, because large coordinates lose digits.
+            let first = floor[0];
+            let relative = |point: &FloorPoint| [point.x - first.x, point.y - first.y];
             let edges = floor.iter().zip(floor.iter().cycle().skip(1));
-            Some(edges.map(|(a, b)| a.x * b.y - a.y * b.x).sum::<f64>().abs() / 2.0)
-        })
+            let cross =
+                edges.map(|(a, b)| (relative(a), relative(b))).map(|(a, b)| a[0] * b[1] - a[1] * b[0]);
+            Some(0.5 * cross.sum::<f64>())
+        })?;
+        Some(Measured { value: signed.value.abs(), ..signed })
     }
 
     /// Measures the height of the head above the foot, which is vertically below it at its own height.
     /// [`RulerPoint::height`] of the head is not used. Returns `None` if the foot's pixel shows no point at its
-    /// height, or if the ray of the head is vertical.
+    /// height, if the ray of the head is vertical, or if the head is not above the foot in the image.
     ///
     /// The head is the point of the vertical that is nearest to the ray of its pixel.
     #[must_use]
     pub fn height(&self, foot: &RulerPoint, head: &RulerPoint) -> Option<Measured> {
-        self.measure(&[*foot, *head], |cameras, points| {
+        /// Largest distance of the head from the vertical, as a share of the length of the image of the
+        /// vertical. People lean and stride by less.
+        const MAX_LEAN: f64 = 0.25;
+        /// Largest distance of the head from the vertical, in standard deviations of the pixels.
+        const MAX_SIGMAS: f64 = 5.0;
+        let measured = self.measure(&[*foot, *head], |cameras, points| {
             let foot = world_point(cameras, &points[0])?;
-            let ray = cameras[points[1].camera].pixel_to_ray(points[1].pixel)?;
-            let eye = ray.origin;
-            let from_foot = [eye.x - foot.x, eye.y - foot.y, eye.z - foot.z];
-            let up = ray.direction[2];
-            let level = 1.0 - up * up;
-            /// Smallest squared sine of the angle between the ray and the vertical.
-            const MIN_LEVEL: f64 = 1e-6;
-            (level > MIN_LEVEL).then(|| (from_foot[2] - dot(&from_foot, &ray.direction) * up) / level)
-        })
+            head_height(&cameras[points[1].camera], foot, points[1].pixel)
+        })?;
+        let camera = &self.cameras[head.camera];
+        let base = world_point(self.cameras, foot)?;
+        let image = |height: f64| camera.world_to_pixel(WorldPoint { z: base.z + height, ..base });
+        let (top, bottom) = (image(measured.value)?, image(0.0)?);
+        let most = MAX_LEAN * top.distance(bottom) + MAX_SIGMAS * foot.sigma.hypot(head.sigma);
+        (top.distance(head.pixel) <= most).then_some(measured)
     }
 
     /// Computes a quantity and propagates the errors of the pixels and of the cameras to it.
@@ -111,10 +140,8 @@ impl Ruler<'_> {
         let mut used: Vec<usize> = points.iter().map(|point| point.camera).collect();
         used.sort_unstable();
         used.dedup();
-        let sigma = self
-            .camera_variance(points, &used, &quantity)
-            .map(|cameras| (variance + cameras).max(0.0).sqrt());
-        Some(Measured { value, sigma })
+        let of_cameras = self.camera_variance(points, &used, &quantity);
+        Some(Measured { value, sigma: of_cameras.map(|cameras| (variance + cameras).max(0.0).sqrt()) })
     }
 
     /// Returns the variance that the errors of the pixels cause.
@@ -154,46 +181,36 @@ impl Ruler<'_> {
                 cameras[index] = *changed;
                 quantity(&cameras, points)
             };
-            without_unknown_errors(&self.cameras[index], self.cameras[index].gradient_of(of)?)
+            self.cameras[index].without_unknown_errors(self.cameras[index].gradient_of(of)?)
         };
         let gradients = used.iter().map(|&index| gradient(index)).collect::<Option<Vec<_>>>()?;
         let mut variance = 0.0;
         for (i, &a) in used.iter().enumerate() {
-            variance += product(&gradients[i], &self.cameras[a].covariance.0, &gradients[i]);
+            variance += covariance_product(&gradients[i], &self.cameras[a].covariance.0, &gradients[i]);
             for (j, &b) in used.iter().enumerate().skip(i + 1) {
                 let between = (self.covariance_between)(a, b)?;
-                variance += 2.0 * product(&gradients[i], &between, &gradients[j]);
+                variance += 2.0 * covariance_product(&gradients[i], &between, &gradients[j]);
             }
         }
         Some(variance)
     }
 }
 
-/// Returns the derivatives of a quantity with exact zeros for the parameters whose errors are unknown. Returns
-/// `None` if the quantity depends on such a parameter.
-fn without_unknown_errors(
-    camera: &Camera,
-    mut gradient: [f64; Covariance::SIZE],
-) -> Option<[f64; Covariance::SIZE]> {
-    /// Derivative that rounding can cause, per metre, radian or pixel.
-    const ROUNDING: f64 = 1e-7;
-    for (index, by) in gradient.iter_mut().enumerate() {
-        if camera.covariance.0[index][index].is_infinite() {
-            if by.abs() > ROUNDING {
-                return None;
-            }
-            *by = 0.0;
-        }
-    }
-    Some(gradient)
-}
-
-/// Returns `a' C b` for two vectors of derivatives.
-fn product(a: &[f64; Covariance::SIZE], covariance: &CameraCovariance, b: &[f64; Covariance::SIZE]) -> f64 {
-    // Entries of unknown errors are infinite, and their derivatives are zero.
-    let times = |c: f64, by: f64| if by == 0.0 { 0.0 } else { c * by };
-    let row = |row: &[f64; Covariance::SIZE]| row.iter().zip(b).map(|(c, b)| times(*c, *b)).sum::<f64>();
-    a.iter().zip(covariance).map(|(a, c)| times(row(c), *a)).sum()
+/// Returns the height above the foot of the point of its vertical that is nearest to the ray of a pixel. Returns
+/// `None` if the ray is vertical, or if the point is behind the camera.
+///
+/// The vertical is `foot + z up`, the ray `eye + t d` with a unit vector d. With `w = eye - foot`, both are
+/// nearest for `z - t d_z = w_z` and `z d_z - t = w . d`.
+fn head_height(camera: &Camera, foot: WorldPoint, pixel: Pixel) -> Option<f64> {
+    /// Smallest squared sine of the angle between the ray and the vertical.
+    const MIN_LEVEL: f64 = 1e-6;
+    let ray = camera.pixel_to_ray(pixel)?;
+    let from_foot = [ray.origin.x - foot.x, ray.origin.y - foot.y, ray.origin.z - foot.z];
+    let up = ray.direction[2];
+    let level = 1.0 - up * up;
+    let along = dot(&from_foot, &ray.direction);
+    let height = (from_foot[2] - along * up) / level;
+    (level > MIN_LEVEL && height * up - along > 0.0).then_some(height)
 }
 
 /// Returns the world point of a pixel at its height.
@@ -279,6 +296,41 @@ mod tests {
         }
         let assumed = Camera { covariance: camera.covariance.with_unknown(&[Covariance::Z]), ..camera };
         assert_eq!(of(assumed), [None, None], "with an unknown scale no length has a standard deviation");
+    }
+
+    #[test]
+    fn a_standing_object_has_an_uncertain_displacement() {
+        let cameras = [street()];
+        let ruler = Ruler { cameras: &cameras, covariance_between: &alone };
+        let at = sees(&cameras[0], 0, WorldPoint::new(0.0, 8.0, 0.0)).unwrap();
+        let found = ruler.length(&[at, at]).unwrap();
+        assert!(found.value < 1e-9 && found.sigma.is_some_and(|sigma| sigma > 0.01), "{found:?}");
+    }
+
+    #[test]
+    fn head_beside_the_foot_has_no_height() {
+        let cameras = [street()];
+        let ruler = Ruler { cameras: &cameras, covariance_between: &alone };
+        let foot = sees(&cameras[0], 0, WorldPoint::new(0.0, 8.0, 0.0)).unwrap();
+        let head = |x: f64| sees(&cameras[0], 0, WorldPoint::new(x, 8.0, 1.7)).unwrap();
+        assert!(ruler.height(&foot, &head(0.1)).is_some());
+        assert_eq!(ruler.height(&foot, &head(1.5)), None);
+    }
+
+    #[test]
+    fn common_errors_of_two_cameras_cancel() {
+        let camera = street();
+        let cameras = [camera, camera];
+        let both = |_: usize, _: usize| Some(camera.covariance.0);
+        let points = [[-1.0, 7.0], [-0.5, 7.2]].map(|[x, y]| WorldPoint::new(x, y, 0.0));
+        let ends =
+            |second: usize| [sees(&camera, 0, points[0]).unwrap(), sees(&camera, second, points[1]).unwrap()];
+        let sigma = |covariance_between: &dyn Fn(usize, usize) -> Option<CameraCovariance>, second: usize| {
+            let ruler = Ruler { cameras: &cameras, covariance_between };
+            ruler.length(&ends(second)).unwrap().sigma.unwrap()
+        };
+        let (own, joint, apart) = (sigma(&both, 0), sigma(&both, 1), sigma(&alone, 1));
+        assert!((own - joint).abs() < 1e-6 && apart > 1.2 * own, "{own} {joint} {apart}");
     }
 
     #[test]

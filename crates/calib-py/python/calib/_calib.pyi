@@ -188,13 +188,15 @@ class Site:
         at: str | datetime | None = None, at_column: str | None = None,
         at_unit: Literal["s", "ms", "us", "ns"] | None = None, to: Literal["floor", "pixel"] = "floor",
         columns: Literal["auto", "points", "boxes"] = "auto",
-        box_form: Literal["xyxy", "xywh", "cxcywh", "yolo"] | None = None, height: float = 0.0, sigma_px: float | None = None,
+        box_form: Literal["xyxy", "xywh", "cxcywh", "yolo"] | None = None, height: float = 0.0,
+        sigma_px: float | None = None, geographic: bool = False,
         replace: bool = False, bad_rows: Literal["fail", "status"] = "fail", origin: Origin | None = None,
         stream_size: Size | None = None, fit: Fit | None = None, crop: Crop | None = None,
     ) -> ArrowStream: ...
     def coverage(
         self, *, height: float = 0.0, step: float | None = None,
         level: Literal["monitor", "detect", "observe", "recognise", "identify"] | None = None,
+        at: str | datetime | None = None,
     ) -> dict[str, Any]: ...
     def measure(
         self, points: Sequence[tuple[str, float, float]], kind: Literal["length", "height", "area", "speed"] = "length", *,

@@ -1,0 +1,60 @@
+//! Coordinate systems of the calibrated cameras. Positions of two cameras are comparable only in one system.
+
+use crate::document::{Site, SiteCamera};
+use crate::solution::Stage;
+
+/// Coordinate system of a camera's position.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Frame {
+    /// System of the site: the plan, the control points, or the fixed marks.
+    Site,
+    /// System of a connected component that nothing places in the system of the site. The number is the index
+    /// of the component.
+    Component(usize),
+    /// Own system of a camera: the origin is the floor point below it.
+    Own,
+}
+
+impl Site {
+    /// Returns the coordinate system of a calibrated camera.
+    pub(crate) fn frame(&self, entry: &SiteCamera) -> Frame {
+        match entry.solution.as_ref().map(|solution| solution.stage) {
+            Some(Stage::Placed) => Frame::Site,
+            Some(Stage::Refined) => self.component_frame(entry),
+            _ => Frame::Own,
+        }
+    }
+
+    /// Returns the coordinate system of a jointly solved camera.
+    fn component_frame(&self, entry: &SiteCamera) -> Frame {
+        let components = self.solution.as_ref().map_or(&[][..], |solution| &solution.components[..]);
+        let Some(index) = components.iter().position(|ids| ids.contains(&entry.id)) else {
+            return Frame::Site;
+        };
+        let is_member = |id: &str| components[index].iter().any(|own| own == id);
+        let is_placed = |camera: &SiteCamera| {
+            camera.placement.is_some() || camera.control_points.iter().any(|point| !point.off)
+        };
+        let by_camera = self.cameras.iter().any(|camera| is_member(&camera.id) && is_placed(camera));
+        let by_mark = self
+            .marks
+            .iter()
+            .any(|mark| mark.fixed && !mark.off && mark.seen.iter().any(|seen| is_member(&seen.camera)));
+        if by_camera || by_mark { Frame::Site } else { Frame::Component(index) }
+    }
+
+    /// Returns the coordinate system of most of the cameras; the system of the site if any camera has it.
+    /// Returns `None` without cameras. An own system counts only for a single camera.
+    pub(crate) fn main_frame<'a>(&self, entries: impl Iterator<Item = &'a SiteCamera>) -> Option<Frame> {
+        let frames: Vec<Frame> = entries.map(|entry| self.frame(entry)).collect();
+        if frames.contains(&Frame::Site) {
+            return Some(Frame::Site);
+        }
+        let count = |frame: &Frame| frames.iter().filter(|own| *own == frame).count();
+        let of_component = frames
+            .iter()
+            .filter(|frame| matches!(frame, Frame::Component(_)))
+            .max_by_key(|frame| count(frame));
+        of_component.copied().or_else(|| (frames.len() == 1).then_some(Frame::Own))
+    }
+}
