@@ -28,7 +28,9 @@ _ANNOTATION_KEYS = (
     "id", "name", "off", "keep", "at_right_angles_to", "length_m", "height_m", "plane", "like", "sigma_px", "angle_sigma_deg",
     "length_sigma_rel", "exact",
 )
-_SITE_KEYS = ("name", "plan", "links", "marks", "distances", "georeference", "scene", "planes", "solution")
+_SITE_KEYS = (
+    "name", "plan", "links", "marks", "distances", "georeference", "scene", "planes", "walls", "areas", "measurements", "solution",
+)
 #: Options with a standard deviation, and an example of one.
 _UNCERTAIN = {"height_m": 0.05, "focal_px": 15.0, "roll_deg": 0.5, "pitch_deg": 0.5}
 
