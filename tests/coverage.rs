@@ -2,10 +2,10 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
-use calib_core::camera::{Camera, Covariance, FloorPoint, Lens, WorldPoint};
+use calib_core::camera::{Camera, FloorPoint, WorldPoint};
 use calib_core::floor::{Extent, Wall};
 use calib_site::{Area, Site, SiteCamera, SiteSolution, Stage, WallEntry};
-use calib_tests::{Scratch, entry};
+use calib_tests::{Scratch, above, entry};
 use serde_json::Value;
 
 /// Height of the targets, in metres.
@@ -176,19 +176,6 @@ fn files_are_written_and_levels_decide_the_exit_code() {
     scratch.calib(&["coverage", "survey.json", "--level", "read"]).expect_code(2);
 }
 
-/// Returns a camera above (x, 0) that looks along +y.
-fn above(x: f64) -> Camera {
-    Camera {
-        position: WorldPoint::new(x, 0.0, 4.0),
-        yaw: 0.0,
-        pitch: 0.5,
-        roll: 0.0,
-        focal: 1200.0,
-        lens: Lens::pinhole([960.0, 540.0].into()),
-        covariance: Covariance::EXACT,
-    }
-}
-
 #[test]
 fn periods_and_groups_of_cameras_are_not_mixed() {
     let scratch = Scratch::new();
@@ -221,6 +208,12 @@ fn periods_and_groups_of_cameras_are_not_mixed() {
     scratch.write("groups.json", site.to_json());
     let found = scratch.calib(&["coverage", "groups.json"]).expect_code(0).json();
     assert_eq!(found["left_out"], serde_json::json!(["a", "b"]), "{found}");
+    scratch.calib(&["coverage", "groups.json", "-o", "groups.html"]).expect_code(0);
+    let page = std::fs::read_to_string(scratch.path("groups.html")).unwrap();
+    assert!(
+        page.contains("Left out") && page.contains("a, b"),
+        "the page does not name the cameras left out"
+    );
     let measure = [
         "measure",
         "groups.json",

@@ -1,11 +1,11 @@
 //! `calib measure`: intervals of simulated measurements, and refusals.
 
-use calib_core::camera::{Camera, Covariance, FloorPoint, Lens, Pixel, WorldPoint};
+use calib_core::camera::{Camera, FloorPoint, Pixel, WorldPoint};
 use calib_core::floor::Measured;
 use calib_core::single::Known;
 use calib_demo::random::{AnnotationSet, RandomScene, normal};
 use calib_site::{Measurement, MeasurementKind, MeasurementPoint, Options, SceneEntry, Site, SiteCamera};
-use calib_tests::{Scratch, entry};
+use calib_tests::{Scratch, above, entry};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
@@ -101,21 +101,6 @@ fn intervals_contain_the_truth_as_often_as_they_state() {
         let share = 100.0 * inside as f64 / count as f64;
         println!("{kind:?}: {share:.1} % of {count} intervals contain the truth");
         assert!(EXPECTED.contains(&share), "{kind:?}: {share:.1} %");
-    }
-}
-
-/// Camera above (x, 0) that looks along +y, with an uncertain height.
-fn above(x: f64) -> Camera {
-    let mut covariance = Covariance::EXACT;
-    covariance.0[Covariance::Z][Covariance::Z] = 0.03 * 0.03;
-    Camera {
-        position: WorldPoint::new(x, 0.0, 4.0),
-        yaw: 0.0,
-        pitch: 0.5,
-        roll: 0.0,
-        focal: 1200.0,
-        lens: Lens::pinhole([960.0, 540.0].into()),
-        covariance,
     }
 }
 

@@ -199,6 +199,20 @@ pub const LENSES: [Distortion; 3] = [
     Distortion::Division { lambda: -0.12 },
 ];
 
+/// Returns a camera 4 m above (x, 0) that looks along +y.
+#[must_use]
+pub fn above(x: f64) -> Camera {
+    Camera {
+        position: WorldPoint::new(x, 0.0, 4.0),
+        yaw: 0.0,
+        pitch: 0.5,
+        roll: 0.0,
+        focal: 1200.0,
+        lens: Lens::pinhole([960.0, 540.0].into()),
+        covariance: Covariance::EXACT,
+    }
+}
+
 /// Returns a placed camera of a site with a given solution.
 #[must_use]
 pub fn entry(id: &str, camera: &Camera) -> SiteCamera {

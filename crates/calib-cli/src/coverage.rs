@@ -47,7 +47,7 @@ pub(crate) struct Args {
 
 /// Parses the name of a level.
 fn level(text: &str) -> Result<DensityLevel, String> {
-    DensityLevel::ALL.into_iter().find(|level| level.name() == text).ok_or_else(|| {
+    DensityLevel::from_name(text).ok_or_else(|| {
         let names = DensityLevel::ALL.map(DensityLevel::name).join(", ");
         format!("unknown level; expected one of {names}")
     })

@@ -4,7 +4,6 @@ use calib_core::Pixel;
 use calib_core::floor::Measured;
 use calib_report::{decimals, shortened_list};
 use calib_site::{CameraViewError, Measurement, MeasurementError, MeasurementKind, MeasurementPoint, Site};
-use clap::ValueEnum;
 use jiff::Timestamp;
 use serde_json::{Value, json};
 
@@ -30,9 +29,10 @@ pub(crate) struct Args {
     /// Camera of the points of --to, if it is another one
     #[arg(long, value_name = "ID", requires = "to")]
     to_camera: Option<String>,
-    /// Measured quantity [default: a speed between different times, otherwise a length]
-    #[arg(long, value_enum, requires = "from")]
-    kind: Option<Kind>,
+    /// Measured quantity: length, height (of the second point vertically above the first), area (seen from above)
+    /// or speed (length divided by the time) [default: speed between different times, otherwise length]
+    #[arg(long, value_name = "KIND", value_parser = kind, requires = "from")]
+    kind: Option<MeasurementKind>,
     /// Height of the points above the floor, in metres
     #[arg(long, value_name = "H", default_value_t = 0.0, allow_negative_numbers = true)]
     height_m: f64,
@@ -50,17 +50,12 @@ pub(crate) struct Args {
     format: Option<Format>,
 }
 
-/// Measured quantity.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Kind {
-    /// Length of the line through the points
-    Length,
-    /// Height of the second point above the first, which is vertically below it
-    Height,
-    /// Area of the polygon, seen from above
-    Area,
-    /// Length divided by the time between --from-at and --to-at
-    Speed,
+/// Parses the name of a measured quantity.
+fn kind(text: &str) -> Result<MeasurementKind, String> {
+    MeasurementKind::from_name(text).ok_or_else(|| {
+        let names = MeasurementKind::ALL.map(MeasurementKind::name).join(", ");
+        format!("unknown quantity; expected one of {names}")
+    })
 }
 
 /// Parses a pixel such as 812.5,640.
@@ -120,14 +115,9 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
 fn typed_measurement(args: &Args) -> Result<Option<Measurement>, CommandError> {
     let (Some(camera), Some(from)) = (&args.camera, args.from) else { return Ok(None) };
     let to_at = args.to_at.as_ref().or(args.from_at.as_ref());
-    let kind = match args.kind {
-        Some(Kind::Length) => MeasurementKind::Length,
-        Some(Kind::Height) => MeasurementKind::Height,
-        Some(Kind::Area) => MeasurementKind::Area,
-        Some(Kind::Speed) => MeasurementKind::Speed,
-        None if args.from_at.is_some() && to_at != args.from_at.as_ref() => MeasurementKind::Speed,
-        None => MeasurementKind::Length,
-    };
+    let has_two_times = args.from_at.is_some() && to_at != args.from_at.as_ref();
+    let usual = if has_two_times { MeasurementKind::Speed } else { MeasurementKind::Length };
+    let kind = args.kind.unwrap_or(usual);
     if kind == MeasurementKind::Height && args.to.len() > 1 {
         return Err(CommandError::Usage("--to: a height has one point above the first".into()));
     }
@@ -195,7 +185,7 @@ fn warn_assumed_scale(site: &Site, measurement: &Measurement) {
     }
 }
 
-/// Returns the name of the value, its unit, and the field of files for the value and its standard deviation.
+/// Returns the unit of the value, and the fields of the output for the value and its standard deviation.
 const fn quantity(kind: MeasurementKind) -> (&'static str, [&'static str; 2]) {
     match kind {
         MeasurementKind::Length | MeasurementKind::Height => ("m", ["length_m", "sigma_m"]),

@@ -41,11 +41,9 @@ pub fn coverage_geojson(site: &Site, coverage: &SiteCoverage<'_>) -> String {
     let earth = site.georeference();
     let mut features = Vec::new();
     for rectangle in coverage.rectangles() {
-        let (low, high) = (rectangle.low, rectangle.high);
-        let corners = [low, FloorPoint { x: high.x, ..low }, high, FloorPoint { x: low.x, ..high }];
         let level = rectangle.level.map(calib_core::floor::DensityLevel::name);
         features.push(json!({"type": "Feature", "properties": {"kind": "visible", "level": level},
-            "geometry": polygon(&corners, earth)}));
+            "geometry": polygon(&rectangle.corners(), earth)}));
     }
     for result in &coverage.areas {
         let found = result.coverage;

@@ -1,9 +1,9 @@
 //! Image decoding to RGB pixels within memory limits, and a check of JPEG markers without decoding. A size in
 //! the header is accepted only if the number of bytes is plausible for it.
 //!
-//! Images with 16 bits per channel, such as those of thermal cameras, often use a small part of their range.
-//! Their range is stretched to 8 bits: the darkest and the brightest thousandth of the values become black and
-//! white.
+//! Images with 16 bits per channel, for example from thermal cameras, often use a small part of the possible
+//! values. They are stretched to 8 bits: the darkest thousandth of the values becomes black, and the brightest
+//! thousandth becomes white.
 
 use std::fmt;
 use std::io::Cursor;
@@ -99,7 +99,7 @@ pub enum ImageFileError {
     Unsupported {
         /// Name of the format.
         format: &'static str,
-        /// What the operator can do.
+        /// Advice for the operator.
         advice: &'static str,
     },
     /// Truncated image.

@@ -186,6 +186,17 @@ impl Site {
 }
 
 impl Site {
+    /// Returns the site with the cameras that are valid at a time (RFC 3339).
+    pub(crate) fn valid_at(&self, py: Python<'_>, at: &str) -> PyResult<calib_site::Site> {
+        let mut site = self.0.clone();
+        for entry in std::mem::take(&mut site.cameras) {
+            if entry.is_valid_at(at).map_err(|why| value_error(py, None, "at", why.message()))? {
+                site.cameras.push(entry);
+            }
+        }
+        Ok(site)
+    }
+
     fn plan(&self, py: Python<'_>) -> PyResult<PlanScale> {
         let plan = self.0.plan.as_ref().map(calib_site::Plan::scale);
         plan.ok_or_else(|| {

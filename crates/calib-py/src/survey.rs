@@ -99,8 +99,7 @@ impl Site {
     ///     kind: "length" through the points, "height" of the second point above the first, "area" of the
     ///         polygon, or "speed".
     ///     height: height of the points above the floor, in metres.
-    ///     sigma_px: standard deviation of each pixel coordinate, in pixels; None uses that of the camera's
-    ///         annotations.
+    ///     sigma_px: standard deviation of each pixel coordinate, in pixels; by default the camera's `sigma_px`.
     ///     times: time of each point (RFC 3339 text, or a datetime with a time zone); required for a speed.
     ///
     /// Returns:
@@ -151,22 +150,9 @@ impl Site {
     }
 }
 
-impl Site {
-    /// Returns the site with the cameras that are valid at a time.
-    fn valid_at(&self, py: Python<'_>, at: &str) -> PyResult<calib_site::Site> {
-        let mut site = self.0.clone();
-        for entry in std::mem::take(&mut site.cameras) {
-            if entry.is_valid_at(at).map_err(|why| value_error(py, None, "at", why.message()))? {
-                site.cameras.push(entry);
-            }
-        }
-        Ok(site)
-    }
-}
-
 /// Returns the level with this name.
 fn level_of(py: Python<'_>, name: &str) -> PyResult<DensityLevel> {
-    DensityLevel::ALL.into_iter().find(|level| level.name() == name).ok_or_else(|| {
+    DensityLevel::from_name(name).ok_or_else(|| {
         let names = DensityLevel::ALL.map(DensityLevel::name).join(", ");
         value_error(py, None, "level", format_args!("found {name:?}, expected one of {names}"))
     })
@@ -174,10 +160,8 @@ fn level_of(py: Python<'_>, name: &str) -> PyResult<DensityLevel> {
 
 /// Returns the quantity with this name.
 fn kind_of(py: Python<'_>, name: &str) -> PyResult<MeasurementKind> {
-    let all =
-        [MeasurementKind::Length, MeasurementKind::Height, MeasurementKind::Area, MeasurementKind::Speed];
-    all.into_iter().find(|kind| kind.name() == name).ok_or_else(|| {
-        let names = all.map(MeasurementKind::name).join(", ");
+    MeasurementKind::from_name(name).ok_or_else(|| {
+        let names = MeasurementKind::ALL.map(MeasurementKind::name).join(", ");
         value_error(py, None, "kind", format_args!("found {name:?}, expected one of {names}"))
     })
 }

@@ -165,20 +165,17 @@ impl TableOptions {
     }
 
     /// Returns the calibrations of the requested cameras at the requested time.
-    fn calibrations(&self, py: Python<'_>, site: &calib_site::Site) -> PyResult<Calibrations> {
-        let mut site = site.clone();
-        let text = site.to_json();
-        if let Some(id) = self.camera.as_ref().filter(|id| site.cameras.iter().all(|entry| entry.id != **id))
+    fn calibrations(&self, py: Python<'_>, site: &Site) -> PyResult<Calibrations> {
+        let text = site.0.to_json();
+        if let Some(id) =
+            self.camera.as_ref().filter(|id| site.0.cameras.iter().all(|entry| entry.id != **id))
         {
             return Err(crate::error::camera_error(py, id, calib_site::CameraLookupError::Unknown));
         }
-        if let Some(at) = &self.at {
-            for entry in std::mem::take(&mut site.cameras) {
-                if entry.is_valid_at(at).map_err(|why| value_error(py, None, "at", why.message()))? {
-                    site.cameras.push(entry);
-                }
-            }
-        }
+        let site = match &self.at {
+            Some(at) => site.valid_at(py, at)?,
+            None => site.0.clone(),
+        };
         let camera = match (&self.camera, &self.camera_column) {
             (Some(id), _) => CameraSource::Only(id.clone()),
             (None, column) => CameraSource::Column(column.clone().unwrap_or_default()),
@@ -258,7 +255,7 @@ impl Site {
     fn project(&self, table: &Bound<'_, PyAny>, options: Option<&Bound<'_, PyDict>>) -> PyResult<PyTable> {
         let py = table.py();
         let asked = TableOptions::read(py, options)?;
-        let mut calibrations = asked.calibrations(py, &self.0)?;
+        let mut calibrations = asked.calibrations(py, self)?;
         for note in calibrations.notes() {
             warn(py, note)?;
         }

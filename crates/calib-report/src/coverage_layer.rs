@@ -59,9 +59,7 @@ pub(crate) fn draw_floor(
     on_plan: &dyn Fn(FloorPoint) -> [f64; 2],
 ) {
     for rectangle in coverage.rectangles() {
-        let (low, high) = (rectangle.low, rectangle.high);
-        let corners = [low, FloorPoint { x: high.x, ..low }, high, FloorPoint { x: low.x, ..high }];
-        svg.tile(&corners.map(on_plan), level_colour(rectangle.level), OPACITY);
+        svg.tile(&rectangle.corners().map(on_plan), level_colour(rectangle.level), OPACITY);
     }
 }
 

@@ -24,9 +24,6 @@ impl CoveragePage<'_> {
     #[must_use]
     pub fn text(&self) -> String {
         let mut out = format!("{}\n", self.summary());
-        for note in self.notes() {
-            let _ = writeln!(out, "{note}");
-        }
         for (level, area) in self.levels() {
             let _ = writeln!(out, "{}: {area:.1} m\u{b2}", level_text(level));
         }
@@ -50,11 +47,14 @@ impl CoveragePage<'_> {
 
     /// Writes the coverage as a section of a report.
     pub(crate) fn section(&self, html: &mut String, figure: &str) {
-        let _ =
-            writeln!(html, "<h2>Coverage</h2><p>{}</p><figure>{figure}</figure>", escape(&self.summary()));
+        let _ = writeln!(html, "<h2>Coverage</h2><p>{}</p>", escape(&self.summary()));
+        for note in self.notes() {
+            let _ = writeln!(html, "<p class=\"note bad\">{}</p>", escape(&note));
+        }
+        let _ = writeln!(html, "<figure>{figure}</figure>");
         html.push_str(
             "<p class=dim>The pixel density is the number of pixels that show one metre of a person or object. \
-             The levels are those of EN 62676-4: at \u{201c}recognise\u{201d}, for example, an operator recognises a \
+             The levels follow EN 62676-4: at \u{201c}recognise\u{201d}, for example, an operator recognises a \
              known person.</p>\n",
         );
         self.write_areas(html);

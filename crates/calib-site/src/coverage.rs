@@ -51,6 +51,15 @@ pub struct LevelRectangle {
     pub high: FloorPoint,
 }
 
+impl LevelRectangle {
+    /// Returns the corners, counter-clockwise seen from above.
+    #[must_use]
+    pub const fn corners(&self) -> [FloorPoint; 4] {
+        let Self { low, high, .. } = *self;
+        [low, FloorPoint { x: high.x, y: low.y }, high, FloorPoint { x: low.x, y: high.y }]
+    }
+}
+
 impl SiteCoverage<'_> {
     /// Returns the visible floor as rectangles of equal level. Every grid point stands for the square around
     /// it.

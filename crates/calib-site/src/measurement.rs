@@ -3,7 +3,7 @@
 use std::fmt;
 
 use calib_core::camera::{Camera, Covariance, Pixel};
-use calib_core::floor::{Extent, Measured, Ruler, RulerPoint, Status};
+use calib_core::floor::{CameraView, Measured, Ruler, RulerPoint, Status};
 use jiff::Timestamp;
 
 use crate::document::{Site, SiteCamera};
@@ -117,9 +117,9 @@ impl Site {
         if points.len() < least {
             return Err(MeasurementError::TooFewPoints { least, found: points.len() });
         }
-        let cameras = self.cameras_of(points)?;
-        let (entries, calibrated): (Vec<&SiteCamera>, Vec<Camera>) = cameras.into_iter().unzip();
-        let points_of_ruler = self.ruler_points(*kind, points, &entries, &calibrated)?;
+        let (views, points_of_ruler) = self.ruler_points(*kind, points)?;
+        let (entries, calibrated): (Vec<&SiteCamera>, Vec<Camera>) =
+            views.iter().map(|(entry, view)| (*entry, *view.camera())).unzip();
         let between = |a: usize, b: usize| {
             if entries[a].id == entries[b].id {
                 // Two periods of one camera are calibrated separately.
@@ -147,71 +147,54 @@ impl Site {
         Ok(Measured { value: found.value / seconds, sigma: found.sigma.map(|sigma| sigma / seconds) })
     }
 
-    /// Returns the calibrated cameras of the points, each once.
-    fn cameras_of(
-        &self,
-        points: &[MeasurementPoint],
-    ) -> Result<Vec<(&SiteCamera, Camera)>, MeasurementError> {
-        let mut cameras: Vec<(&SiteCamera, Camera)> = Vec::new();
-        for point in points {
+    /// Converts the points, and refuses points that cannot be measured. Also returns the cameras of the points,
+    /// each once.
+    fn ruler_points(&self, kind: MeasurementKind, points: &[MeasurementPoint]) -> Converted<'_> {
+        let mut views: Vec<(&SiteCamera, CameraView)> = Vec::new();
+        let mut converted = Vec::new();
+        for (index, point) in points.iter().enumerate() {
             let error = |why| MeasurementError::Camera { camera: point.camera.clone(), why };
             let entry = self
                 .camera_at(&point.camera, point.at.as_deref())
                 .map_err(|why| error(CameraViewError::Camera(why)))?;
-            if cameras.iter().any(|(other, _)| std::ptr::eq(*other, entry)) {
-                continue;
+            let known = views.iter().position(|(other, _)| std::ptr::eq(*other, entry));
+            let camera = known.unwrap_or(views.len());
+            if known.is_none() {
+                views.push((entry, self.view_of(entry).map_err(error)?));
             }
-            cameras.push((entry, *self.view_of(entry).map_err(error)?.camera()));
-        }
-        for (entry, _) in cameras.iter().skip(1) {
-            let first = cameras[0].0;
-            let frames = [first, entry].map(|entry| self.frame(entry));
-            if frames[0] != frames[1] || frames[0] == Frame::Own {
-                let cameras = [first, entry].map(|entry| entry.id.clone());
-                return Err(MeasurementError::NotComparable { cameras });
-            }
-        }
-        Ok(cameras)
-    }
-
-    /// Converts the points, and refuses points that cannot be measured. The head of a height need not be on
-    /// the floor.
-    fn ruler_points(
-        &self,
-        kind: MeasurementKind,
-        points: &[MeasurementPoint],
-        entries: &[&SiteCamera],
-        cameras: &[Camera],
-    ) -> Result<Vec<RulerPoint>, MeasurementError> {
-        let convert = |(index, point): (usize, &MeasurementPoint)| {
-            let of = |entry: &&SiteCamera| {
-                entry.id == point.camera
-                    && self
-                        .camera_at(&point.camera, point.at.as_deref())
-                        .is_ok_and(|found| std::ptr::eq(found, *entry))
-            };
-            let camera = entries.iter().position(of).unwrap_or_default();
-            let height = point.height_m.unwrap_or(0.0);
+            self.check_comparable(views[0].0, entry)?;
             let is_head = kind == MeasurementKind::Height && index > 0;
-            self.check_point(entries[camera], &cameras[camera], point, is_head)?;
-            let sigma = point.sigma_px.or(entries[camera].sigma_px).unwrap_or(1.0);
-            Ok(RulerPoint { camera, pixel: point.px, height, sigma })
-        };
-        points.iter().enumerate().map(convert).collect()
+            self.check_point(&views[camera].1, point, is_head)?;
+            converted.push(RulerPoint {
+                camera,
+                pixel: point.px,
+                height: point.height_m.unwrap_or(0.0),
+                sigma: point.sigma_px.or(entry.sigma_px).unwrap_or(1.0),
+            });
+        }
+        Ok((views, converted))
     }
 
-    /// Refuses a point outside the image, the lens or the EFOV, and a point on a plane other than the floor.
+    /// Refuses two cameras without common coordinates.
+    fn check_comparable(&self, first: &SiteCamera, other: &SiteCamera) -> Result<(), MeasurementError> {
+        let frames = [first, other].map(|entry| self.frame(entry));
+        if std::ptr::eq(first, other) || frames[0] == frames[1] && frames[0] != Frame::Own {
+            return Ok(());
+        }
+        Err(MeasurementError::NotComparable { cameras: [first, other].map(|entry| entry.id.clone()) })
+    }
+
+    /// Refuses a point outside the image, the lens or the EFOV, and a point on a plane other than the floor. The
+    /// head of a height need not be on the floor.
     fn check_point(
         &self,
-        entry: &SiteCamera,
-        camera: &Camera,
+        view: &CameraView,
         point: &MeasurementPoint,
         is_head: bool,
     ) -> Result<(), MeasurementError> {
-        let (id, pixel, height) = (entry.id.clone(), point.px, point.height_m.unwrap_or(0.0));
+        let (id, pixel, height) = (&point.camera, point.px, point.height_m.unwrap_or(0.0));
         let refused = |status| Err(MeasurementError::Point { camera: id.clone(), pixel, status });
-        let efov = self.efov_on_floor(entry);
-        let extent = Extent { size: entry.size(), efov: &efov };
+        let (camera, extent) = (view.camera(), view.extent());
         if !extent.shows(pixel) {
             return refused(Status::OutsideImage);
         }
@@ -224,10 +207,9 @@ impl Site {
         if camera.pixel_to_floor(pixel, height).is_none() {
             return refused(Status::AboveHorizon);
         }
-        let surfaces = self.covering_surfaces();
-        let surface = camera.pixel_to_surface(pixel, height, &surfaces).and_then(|point| point.surface);
+        let surface = camera.pixel_to_surface(pixel, height, view.surfaces()).and_then(|point| point.surface);
         if let Some(plane) = surface.and_then(|index| self.planes.get(index)) {
-            return Err(MeasurementError::OnPlane { camera: id, pixel, plane: plane.id.clone() });
+            return Err(MeasurementError::OnPlane { camera: id.clone(), pixel, plane: plane.id.clone() });
         }
         // The EFOV contains the floor point of the pixel.
         match camera.pixel_to_floor(pixel, 0.0) {
@@ -236,6 +218,9 @@ impl Site {
         }
     }
 }
+
+/// Cameras of a measurement, each once, and its points.
+type Converted<'a> = Result<(Vec<(&'a SiteCamera, CameraView)>, Vec<RulerPoint>), MeasurementError>;
 
 /// Returns the time from the first to the last point, in seconds.
 fn duration(points: &[MeasurementPoint]) -> Option<f64> {

@@ -84,6 +84,15 @@ pub enum MeasurementKind {
 }
 
 impl MeasurementKind {
+    /// All kinds of measurements.
+    pub const ALL: [Self; 4] = [Self::Length, Self::Height, Self::Area, Self::Speed];
+
+    /// Returns the kind with this name; `None` for an unknown name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+
     /// Returns the smallest number of points.
     #[must_use]
     pub const fn min_points(self) -> usize {

@@ -79,7 +79,7 @@ pub(crate) struct BoxColumns {
     pub(crate) names: [String; 4],
     /// Meaning of the numbers.
     pub(crate) form: BoxForm,
-    /// Whether the user states no form, and the names are those of the default form.
+    /// Whether the form `xywh` follows only from the names of the columns.
     is_default: bool,
 }
 

@@ -220,7 +220,7 @@ impl CoverageCamera<'_> {
             let index = visible.iter().position(|(_, own, _)| *own >= density)?;
             let farthest = visible[index].0;
             let is_limited_by_density = index > 0;
-            // In some directions the border of the view is nearer than that of the density.
+            // In some directions the EFOV ends before the density falls to the limit.
             let candidates = visible[index..]
                 .iter()
                 .take_while(|(distance, ..)| *distance >= MIN_SHARE * farthest)
@@ -230,7 +230,7 @@ impl CoverageCamera<'_> {
                 Border { camera: self, around: &around, point, height, density }.refine(distance, step)
             });
             let border = borders.max_by(|a, b| a.0.total_cmp(&b.0));
-            let (distance, sigma) = border.map_or((farthest, None), |(distance, sigma)| (distance, sigma));
+            let (distance, sigma) = border.unwrap_or((farthest, None));
             Some(Reach { distance, sigma, is_limited_by_density })
         })
     }
@@ -286,7 +286,7 @@ impl Border<'_> {
 
     /// Returns the distance of the border and its standard deviation. `least` is the distance of the point,
     /// and `step` the distance of grid points. Returns `None` if the density does not end within two steps in
-    /// this direction, or if the border of the view or a wall is nearer than that of the density.
+    /// this direction, or if the EFOV or a wall ends the view before the density falls to the limit.
     fn refine(&self, least: f64, step: f64) -> Option<(f64, Option<f64>)> {
         /// Number of bisection steps.
         const HALVINGS: usize = 40;
@@ -502,7 +502,7 @@ mod tests {
         assert!(at(0.0, 9.9, 0.0) && !at(0.0, 10.1, 0.0));
         assert!(!at(0.0, 9.9, 0.1), "the target is above the line of sight over the wall");
         assert!(!at(0.0, 5.0, 0.0) && at(0.0, 5.1, 0.0), "a target at the wall is visible");
-        assert!(!at(3.0, 9.0, 0.0), "the line of sight passes beside the wall");
+        assert!(!at(3.0, 9.0, 0.0), "the line of sight does not cross the wall");
         assert!(wall.carries(FloorPoint { x: 0.5, y: 5.09 }) && !wall.carries(FloorPoint { x: 1.5, y: 5.0 }));
     }
 

@@ -4,7 +4,8 @@
 //! and *up*. With the Jacobian J of the image with respect to these two directions, in pixels per metre, the
 //! pixel density is the smaller singular value of J. It is the density in the worst direction on the target.
 //!
-//! The levels are those of IEC 62676-4 (EN 62676-4), "Video surveillance systems: application guidelines".
+//! The levels and their limits come from IEC 62676-4:2014 (EN 62676-4:2015), "Video surveillance systems for use
+//! in security applications: application guidelines".
 
 use crate::camera::{Camera, Covariance, Pixel, WorldPoint, dot};
 
@@ -51,6 +52,12 @@ impl DensityLevel {
             Self::Recognise => "recognise",
             Self::Identify => "identify",
         }
+    }
+
+    /// Returns the level with this name; `None` for an unknown name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|level| level.name() == name)
     }
 
     /// Returns the highest level that a pixel density reaches; `None` below all levels.

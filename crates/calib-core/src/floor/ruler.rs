@@ -54,9 +54,9 @@ impl Ruler<'_> {
     /// Measures the length of the line through points of known heights. Returns `None` with fewer than two
     /// points, or if a pixel does not show a point at its height.
     ///
-    /// The standard deviation is that of the component of the displacement along the line. If the line is
-    /// shorter than about three standard deviations, this component is not known. The standard deviation is
-    /// then that of the worst direction, so that a standing object does not have a speed of 0 ± 0.
+    /// Only errors along the line change its length to first order. If the line is shorter than about three
+    /// standard deviations, its direction is unknown. The standard deviation then contains the errors in all
+    /// directions. A standing object therefore has an uncertain speed, and not 0 ± 0.
     #[must_use]
     pub fn length(&self, points: &[RulerPoint]) -> Option<Measured> {
         /// Length below which the direction of a line is not known, in standard deviations.
