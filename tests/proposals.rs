@@ -8,15 +8,15 @@
 use std::collections::BTreeMap;
 use std::io::Read as _;
 
-use calib_core::{Camera, Distortion, Lens, Orientation, Pixel, WorldPoint};
+use calib_core::{BrownConrady, Camera, Distortion, Lens, Orientation, Pixel, WorldPoint};
 
 use calib_core::single::Known;
 
 use calib_demo::random::normal;
 use calib_image::{
-    AutomaticCalibration, Confidence, EdgeClass, EdgeImage, LineSegment, Reason, line_segments,
+    AutomaticCalibration, Bars, Confidence, EdgeClass, EdgeImage, LineSegment, Reason, line_segments,
 };
-use calib_site::{Options, Site, Solution};
+use calib_site::{Options, PrincipalPointEntry, Site, Solution};
 use calib_tests::{Scratch, shared};
 use image::{Rgb, RgbImage};
 use rand::{Rng as _, SeedableRng as _};
@@ -142,7 +142,7 @@ fn rooms() -> Option<(Vec<Room>, f64, Pixel)> {
     let truths = truths(focal)?;
     let segment = |ends: &Value| {
         let [x1, y1, x2, y2]: [f64; 4] = serde_json::from_value(ends.clone()).unwrap();
-        LineSegment { ends: [Pixel::new(x1, y1), Pixel::new(x2, y2)], sigma: LineSegment::DETECTOR_SIGMA_PX }
+        LineSegment::new([Pixel::new(x1, y1), Pixel::new(x2, y2)], LineSegment::DETECTOR_SIGMA_PX)
     };
     let room = |(id, image): (&String, &Value)| Room {
         segments: image["segments"].as_array().unwrap().iter().map(segment).collect(),
@@ -180,8 +180,10 @@ fn measured_rooms(name: &'static str, half: usize) -> Option<(Measured, Measured
         horizon: truth.map(|truth| horizon_error(&found, &truth, centre, ROOM)),
     };
     let proposed = rooms.iter().filter_map(|room| {
-        let still =
-            EdgeImage { principal_point: Some(centre), ..EdgeImage::new(room.segments.clone(), [640, 480]) };
+        let still = EdgeImage {
+            principal_point: Some(PrincipalPointEntry::known(centre)),
+            ..EdgeImage::new(room.segments.clone(), [640, 480])
+        };
         let proposal = AutomaticCalibration::new(&EdgeImage { lens: Some(Lens::pinhole(centre)), ..still });
         let solution = proposal.solution.as_ref()?;
         Some(off(proposal.confidence, orientation(solution), proposal.focal_sigma_rel?, room.truth))
@@ -428,6 +430,124 @@ fn rendered_rooms_are_calibrated_or_abstain() {
     assert!(Measured::inside(&answered) > 0.9, "{}", measured.row());
 }
 
+/// Returns the brightness of a room at the first surface along a ray from inside. The floor has tiles of this
+/// size, in metres; 0 for a plain floor. Doors are in all walls.
+fn room_brightness(origin: WorldPoint, direction: [f64; 3], tile: f64) -> f64 {
+    const LOW: [f64; 3] = [-4.5, -1.0, 0.0];
+    const HIGH: [f64; 3] = [4.5, 9.0, 3.2];
+    let from = [origin.x, origin.y, origin.z];
+    let exit = |axis: usize| {
+        let side = if direction[axis] > 0.0 { HIGH[axis] } else { LOW[axis] };
+        (side - from[axis]) / direction[axis]
+    };
+    let axis = (0..3).min_by(|&a, &b| exit(a).total_cmp(&exit(b))).unwrap();
+    let [x, y, z] = std::array::from_fn(|k| from[k] + exit(axis) * direction[k]);
+    let joint = |at: f64| tile > 0.0 && (at - 0.13).rem_euclid(tile) < 0.012;
+    if axis == 2 {
+        return if z > 1.0 {
+            215.0
+        } else if joint(x) || joint(y) {
+            70.0
+        } else {
+            140.0
+        };
+    }
+    let along = (if axis == 0 { y } else { x } - 0.35).rem_euclid(1.9);
+    match () {
+        () if along < 0.9 && z < 2.0 && (0.08..0.82).contains(&along) && z < 1.92 => 110.0,
+        () if along < 0.9 && z < 2.0 => 45.0,
+        () if z < 0.08 => 80.0,
+        () if axis == 0 => 185.0,
+        () => 172.0,
+    }
+}
+
+/// Renders a room with four samples a pixel.
+fn render_room(camera: &Camera, [w, h]: [u32; 2], tile: f64) -> RgbImage {
+    RgbImage::from_fn(w, h, |x, y| {
+        let sample = |k: u32| {
+            let (du, dv) = (0.25 + 0.5 * f64::from(k % 2), 0.25 + 0.5 * f64::from(k / 2));
+            let ray = camera.pixel_to_ray(Pixel::new(f64::from(x) + du, f64::from(y) + dv));
+            ray.map_or(0.0, |ray| room_brightness(ray.origin, ray.direction, tile))
+        };
+        Rgb([(0.25 * (0..4).map(sample).sum::<f64>()).round() as u8; 3])
+    })
+}
+
+#[test]
+fn tiled_rooms_have_the_lens_of_their_edges() {
+    const SIZE: [u32; 2] = [1280, 720];
+    const STILLS: usize = 16;
+    let mut random = ChaCha8Rng::seed_from_u64(21);
+    let mut each = Vec::new();
+    for still in 0..STILLS {
+        let focal = random.random_range(560.0..1100.0);
+        let mut off = |sigma: f64| sigma * normal(&mut random);
+        let principal_point = Pixel::new(640.0 + off(12.0), 360.0 + off(12.0));
+        let k1 = [0.0, 0.0, -0.12, -0.3][still % 4];
+        let brown = BrownConrady { k1, k2: 0.65 * k1 * k1, ..BrownConrady::default() };
+        let distortion = if k1 == 0.0 { Distortion::None } else { Distortion::BrownConrady(brown) };
+        let camera = Camera {
+            position: WorldPoint { x: off(1.2), y: 0.0, z: 2.6 },
+            yaw: off(0.35),
+            pitch: 0.4 + off(0.08),
+            roll: off(0.02),
+            focal,
+            lens: Lens { focal, distortion, ..Lens::pinhole(principal_point) },
+            ..demo_camera()
+        };
+        let tile = if still % 8 < 6 { 0.6 } else { 0.0 };
+        let image = sent(render_room(&camera, SIZE, tile), &mut random);
+        let at = Orientation { roll: camera.roll, pitch: camera.pitch, focal };
+        each.push((format!("{still} k1 {k1} focal {focal:.0}"), of_image(&image, &at)));
+    }
+    assert_eq!(gross_among_sure("room", &each), 0);
+    let each: Vec<CalibrationError> = each.into_iter().filter_map(|(_, off)| off).collect();
+    let measured = Measured { name: "tiled rooms", offered: STILLS, each };
+    println!("{HEAD}\n{}", measured.row());
+    let (answered, sure) = (measured.answered(), measured.sure());
+    assert!(answered.len() * 4 > STILLS * 3 && sure.len() * 2 > STILLS, "{}", measured.row());
+    assert!(sure.iter().all(|off| off.log_focal.abs() < 3.0 * off.sigma), "{}", measured.row());
+    assert!(Measured::inside(&answered) > 0.92, "{}", measured.row());
+    assert!(Measured::focal(&answered, 0.5) < 0.01, "{}", measured.row());
+}
+
+/// Returns a camera for its covariance alone, which is unknown.
+fn demo_camera() -> Camera {
+    calib_demo::demo_site().truth[0].1
+}
+
+#[test]
+fn the_centre_of_the_picture_between_bars_is_used() {
+    let camera = Camera {
+        position: WorldPoint { x: 0.8, y: 0.0, z: 2.6 },
+        yaw: 0.3,
+        pitch: 0.4,
+        roll: -0.02,
+        focal: 800.0,
+        lens: Lens::pinhole(Pixel::new(480.0, 360.0)),
+        ..demo_camera()
+    };
+    let picture = render_room(&camera, [960, 720], 0.6);
+    let image =
+        RgbImage::from_fn(
+            1280,
+            720,
+            |x, y| {
+                if x < 320 { Rgb([16; 3]) } else { *picture.get_pixel(x - 320, y) }
+            },
+        );
+    let bars = Bars::find(&image);
+    assert_eq!(bars, Bars { left: 320, ..Bars::NONE });
+    let proposal =
+        AutomaticCalibration::new(&EdgeImage::new(line_segments(&image), [1280, 720]).with_bars(bars));
+    let solution = proposal.solution.as_ref().unwrap();
+    assert!((solution.focal_px / 800.0 - 1.0).abs() < 0.02, "{}", solution.focal_px);
+    assert!((solution.roll_deg.unwrap().to_radians() + 0.02).abs() < 0.005, "{:?}", solution.roll_deg);
+    assert_eq!(proposal.confidence, Confidence::Check);
+    assert!(proposal.reasons[0].to_string().contains("left 320 px"), "{:?}", proposal.reasons);
+}
+
 #[test]
 fn streets_have_no_gross_errors() {
     let Some(town) = shared("real/town/town.json") else { return };
@@ -517,16 +637,16 @@ fn any_set_of_edges_is_accepted() {
     let mut random = ChaCha8Rng::seed_from_u64(5);
     for count in [0, 1, 7, 8, 60, 3000] {
         let mut pixel = || Pixel::new(random.random_range(-50.0..700.0), random.random_range(-50.0..500.0));
-        let segments = (0..count).map(|_| LineSegment { ends: [pixel(), pixel()], sigma: 0.5 }).collect();
+        let segments = (0..count).map(|_| LineSegment::new([pixel(), pixel()], 0.5)).collect();
         let proposal = AutomaticCalibration::new(&EdgeImage::new(segments, [640, 480]));
         assert_eq!(proposal.confidence, Confidence::None, "{count}: {:?}", proposal.solution);
     }
-    let same = LineSegment { ends: [Pixel::new(10.0, 20.0), Pixel::new(300.0, 40.0)], sigma: 0.5 };
+    let same = LineSegment::new([Pixel::new(10.0, 20.0), Pixel::new(300.0, 40.0)], 0.5);
     assert_eq!(
         AutomaticCalibration::new(&EdgeImage::new(vec![same; 50], [640, 480])).confidence,
         Confidence::None
     );
-    let point = LineSegment { ends: [Pixel::new(f64::NAN, 0.0); 2], sigma: 0.0 };
+    let point = LineSegment::new([Pixel::new(f64::NAN, 0.0); 2], 0.0);
     assert_eq!(
         AutomaticCalibration::new(&EdgeImage::new(vec![point; 50], [640, 480])).confidence,
         Confidence::None

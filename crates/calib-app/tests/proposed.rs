@@ -206,8 +206,7 @@ fn camera_without_an_image_is_reported_and_work_can_be_cancelled() {
 fn automatic_calibration_survives_serialisation_to_a_worker() {
     let drawn = calib_demo::demo_site().site.cameras.swap_remove(0);
     let lines = drawn.annotations.iter().flat_map(|drawn| drawn.polylines().collect::<Vec<_>>());
-    let segment =
-        |line: Vec<calib_core::Pixel>| LineSegment { ends: [line[0], line[line.len() - 1]], sigma: 0.5 };
+    let segment = |line: Vec<calib_core::Pixel>| LineSegment::new([line[0], line[line.len() - 1]], 0.5);
     let edges: Vec<LineSegment> = lines.map(segment).collect();
     let sent = serde_json::to_vec(&(&drawn, &edges)).unwrap();
     let (camera, received): (SiteCamera, Vec<LineSegment>) = serde_json::from_slice(&sent).unwrap();

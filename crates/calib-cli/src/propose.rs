@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use calib_core::{Annotation, ImageCircle};
-use calib_image::{AutomaticCalibration, Confidence, EdgeImage, Group, image_circle, line_segments};
+use calib_image::{AutomaticCalibration, Bars, Confidence, EdgeImage, Group, image_circle, line_segments};
 use calib_report::{is_lens_estimated, overlay, shortened_list, straight_down_text};
-use calib_site::{Options, Site, SiteCamera};
+use calib_site::{Options, PrincipalPointEntry, Site, SiteCamera};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -75,6 +75,8 @@ struct ImageCalibration {
     size: [u32; 2],
     /// Image circle of a fisheye lens, in raw pixels.
     image_circle: Option<ImageCircle>,
+    /// Black bars at the sides of the image.
+    bars: Bars,
     calibration: AutomaticCalibration,
     is_accepted: bool,
 }
@@ -126,11 +128,12 @@ fn calibrate_image(path: PathBuf, accept: Accept) -> Result<ImageCalibration, Co
     let image = site_file::read_image(&path)?;
     let size = [image.width(), image.height()];
     let image_circle = image_circle(&image);
-    let principal_point = image_circle.map(ImageCircle::centre);
-    let still = EdgeImage::new(line_segments(&image), size);
+    let principal_point = image_circle.map(|circle| PrincipalPointEntry::known(circle.centre()));
+    let bars = Bars::find(&image);
+    let still = EdgeImage::new(line_segments(&image), size).with_bars(bars);
     let proposal = AutomaticCalibration::new(&EdgeImage { principal_point, image_circle, ..still });
     let is_accepted = accept.accepts(&proposal);
-    Ok(ImageCalibration { path, size, image_circle, calibration: proposal, is_accepted })
+    Ok(ImageCalibration { path, size, image_circle, bars, calibration: proposal, is_accepted })
 }
 
 /// Returns a unique id for every image: its file name, with a number if the name is already used.
@@ -222,7 +225,7 @@ fn text(site: &Site, results: &[ImageCalibration]) -> String {
         "{:width$}  {:10} {:>7} {:>9} {:>10} {:>14} {:>8}",
         "camera", "confidence", "lines", "roll deg", "pitch deg", "focal px", "sigma"
     );
-    for (camera, ImageCalibration { calibration: proposal, .. }) in site.cameras.iter().zip(results) {
+    for (camera, ImageCalibration { calibration: proposal, bars, .. }) in site.cameras.iter().zip(results) {
         let lines: usize = proposal.groups.iter().map(|group| group.probabilities.len()).sum();
         let _ = write!(out, "{:width$}  {:10} {lines:>7}", camera.id, proposal.confidence.name());
         if let (Some(solution), Some(sigma)) = (&proposal.solution, proposal.focal_sigma_rel) {
@@ -234,6 +237,9 @@ fn text(site: &Site, results: &[ImageCalibration]) -> String {
                 write!(out, " {roll:>9} {pitch:>10} {:>14.1} {:>6.1} %", solution.focal_px, 100.0 * sigma);
         }
         out.push('\n');
+        if !bars.is_empty() {
+            let _ = writeln!(out, "{:width$}    note: the image has black bars ({bars})", "");
+        }
         for reason in &proposal.reasons {
             let _ = writeln!(out, "{:width$}    {reason}", "");
         }
@@ -251,7 +257,7 @@ fn json(site: &Site, results: &[ImageCalibration]) -> Result<String, CommandErro
             "lies": group.classes,
         })
     };
-    let of = |(camera, ImageCalibration { calibration: proposal, is_accepted, .. }): (
+    let of = |(camera, ImageCalibration { calibration: proposal, is_accepted, bars, .. }): (
         &SiteCamera,
         &ImageCalibration,
     )| {
@@ -264,6 +270,7 @@ fn json(site: &Site, results: &[ImageCalibration]) -> Result<String, CommandErro
             "focal_px": proposal.solution.as_ref().map(|solution| solution.focal_px),
             "focal_sigma_rel": proposal.focal_sigma_rel,
             "groups": groups,
+            "bars_px": (!bars.is_empty()).then_some(bars),
             "alternative": proposal.alternative.as_ref().map(|other| serde_json::json!({
                 "focal_px": other.orientation.focal,
                 "pitch_deg": other.orientation.pitch.to_degrees(),

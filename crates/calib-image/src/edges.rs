@@ -11,8 +11,10 @@
 use calib_core::Pixel;
 use image::{Rgb, RgbImage};
 
-use crate::line_segment::{LineSegment, distance_to_segment};
-use crate::pull::find_edge_along;
+use nalgebra::{Matrix3, Vector3};
+
+use crate::line_segment::{LineSegment, Rise, distance_to_segment};
+use crate::pull::{MAX_INLIER_DISTANCE_PX, MIN_COVERED_FRACTION, find_edge_along, robust_line};
 
 /// Straight edge, by its ends in raw pixels.
 pub type Edge = [Pixel; 2];
@@ -98,7 +100,7 @@ pub fn line_segments(image: &RgbImage) -> Vec<LineSegment> {
 
 /// Returns an edge as detected, with the standard deviation of the detector.
 const fn as_detected(ends: Edge) -> LineSegment {
-    LineSegment { ends, sigma: LineSegment::DETECTOR_SIGMA_PX }
+    LineSegment::new(ends, LineSegment::DETECTOR_SIGMA_PX)
 }
 
 /// Refines an edge and measures its standard deviation, from the steepest brightness changes along the edge.
@@ -109,7 +111,46 @@ fn measure(image: &RgbImage, edge: Edge) -> LineSegment {
         return as_detected(edge);
     }
     let independent = (found.covered_length / NOISE_LENGTH_PX).max(1.0);
-    LineSegment { ends: found.ends, sigma: SYSTEMATIC_SIGMA_PX.hypot(2.0 * found.rms / independent.sqrt()) }
+    let sigma = SYSTEMATIC_SIGMA_PX.hypot(2.0 * found.rms / independent.sqrt());
+    LineSegment {
+        rise: measure_rise(&found.samples, edge[0].distance(edge[1])),
+        ..LineSegment::new(found.ends, sigma)
+    }
+}
+
+/// Measures the rise of an edge of this length from samples `[s, t]` along and across it, all in pixels.
+///
+/// A parabola `t = a + b x + c x^2`, with `x` from the middle of the edge, is fitted robustly. Its rise is
+/// `-c / 4` if `x` is in units of the length. With `m` independent samples of the standard deviation `r`,
+/// evenly spaced over the length, `c` has the standard deviation `r sqrt(180 / m)`.
+fn measure_rise(samples: &[[f64; 2]], length: f64) -> Option<Rise> {
+    /// Number of fits, each to the samples near the parabola before.
+    const ROUNDS: usize = 4;
+    let row = |[s, _]: &[f64; 2]| {
+        let x = s / length - 0.5;
+        Vector3::new(1.0, x, x * x)
+    };
+    let (_, _, mut used) = robust_line(samples, (MIN_COVERED_FRACTION * samples.len() as f64) as usize)?;
+    let mut parabola = Vector3::zeros();
+    for _ in 0..ROUNDS {
+        let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+        for sample in &used {
+            normal += row(sample) * row(sample).transpose();
+            right += row(sample) * sample[1];
+        }
+        parabola = normal.cholesky()?.solve(&right);
+        let is_near =
+            |sample: &[f64; 2]| (sample[1] - parabola.dot(&row(sample))).abs() <= MAX_INLIER_DISTANCE_PX;
+        used = samples.iter().copied().filter(is_near).collect();
+        if (used.len() as f64) < MIN_COVERED_FRACTION * samples.len() as f64 {
+            return None;
+        }
+    }
+    let square: f64 = used.iter().map(|sample| (sample[1] - parabola.dot(&row(sample))).powi(2)).sum();
+    let rms = (square / used.len() as f64).sqrt();
+    let covered = length * used.len() as f64 / samples.len() as f64;
+    let independent = (covered / NOISE_LENGTH_PX).max(1.0);
+    Some(Rise { px: -0.25 * parabola[2], sigma: 0.25 * rms * (180.0 / independent).sqrt() })
 }
 
 #[cfg(test)]
@@ -133,6 +174,21 @@ mod tests {
         let edges =
             [[Pixel::new(1.0, 2.0), Pixel::new(3.0, 4.0)], [Pixel::new(5.0, 6.5), Pixel::new(7.0, 8.0)]];
         assert_eq!(from_numbers(&to_numbers(&edges)), edges);
+    }
+
+    #[test]
+    fn the_rise_of_an_arc_is_measured() {
+        // A slanted arc, integrated over each pixel; the middle is 1.2 px off its chord.
+        let at = |v: f64| 80.0 + 0.2 * v - 1.2 * (1.0 - ((v - 75.0) / 75.0).powi(2));
+        let picture = RgbImage::from_fn(200, 150, |x, y| {
+            let covered = (f64::from(x) + 1.0 - at(f64::from(y) + 0.5)).clamp(0.0, 1.0);
+            Rgb([(60.0 + 120.0 * covered) as u8; 3])
+        });
+        let measured = measure(&picture, [Pixel::new(at(10.0), 10.0), Pixel::new(at(140.0), 140.0)]);
+        let rise = measured.rise.expect("the arc is followed");
+        // The part between both ends has (130 / 150)^2 of the rise, across the slanted chord.
+        let expected = 1.2 * (130.0 / 150.0_f64).powi(2) / 1.0_f64.hypot(0.2);
+        assert!((rise.px - expected).abs() < 0.1 && rise.sigma < 0.1, "{rise:?}, expected {expected}");
     }
 
     #[test]

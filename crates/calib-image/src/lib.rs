@@ -7,6 +7,7 @@
 //! - `line_segment`, `edges`: straight edges, detected or along an annotated line;
 //! - `pull`: lines snapped to the edge along them;
 //! - `image_circle`: the circle that a fisheye lens fills;
+//! - `bars`: black bars at the sides of an image;
 //! - `proposal`: automatic calibration from edges;
 //! - `compare`: change of a camera between two images, and recovery after a rotation.
 //!
@@ -25,16 +26,18 @@ mod line_segment;
 mod pull;
 pub mod edges;
 mod image_circle;
+mod bars;
 mod proposal;
 mod compare;
 
+pub use bars::Bars;
 pub use compare::{
     CameraChange, Comparison, ComparisonError, EdgeOffset, FitParameters, RecoveryError, RotationFit,
     STEP_SIZE, SizeMismatchError, TONE_SIZE, annotation_edges, recover,
 };
 pub use edges::{Edge, line_segments};
 pub use image_circle::image_circle;
-pub use line_segment::{LineSegment, distance_to_segment};
+pub use line_segment::{LineSegment, Rise, distance_to_segment};
 pub use proposal::{
     Alternative, AutomaticCalibration, Confidence, EdgeClass, EdgeImage, Group, Reason, join_edges,
 };

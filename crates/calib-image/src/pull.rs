@@ -45,6 +45,8 @@ pub(crate) struct FoundEdge {
     pub(crate) rms: f64,
     /// Length of the line covered by the edge, in pixels.
     pub(crate) covered_length: f64,
+    /// Samples `[s, t]` along and across the line before snapping, in pixels.
+    pub(crate) samples: Vec<[f64; 2]>,
 }
 
 /// Snaps a line, given by its ends in raw pixels, to the straight edge along it. Returns `None` if no edge is
@@ -93,6 +95,7 @@ pub(crate) fn find_edge_along(image: &RgbImage, [a, b]: [Pixel; 2]) -> Option<Fo
         ends: [shifted(a, 0.0), shifted(b, length)],
         rms: (square / inliers.len() as f64).sqrt(),
         covered_length: length * inliers.len() as f64 / (count + 1) as f64,
+        samples: places,
     })
 }
 
@@ -161,7 +164,7 @@ pub(crate) fn find_steepest_change(
 /// A line is computed through every pair of a subset of the points. The candidate with the most inliers is
 /// fitted to its inliers (Fischler and Bolles 1981, with all pairs instead of random ones). Between two
 /// parallel edges, a mean of both would not be an edge.
-fn robust_line(points: &[[f64; 2]], least: usize) -> Option<(f64, f64, Vec<[f64; 2]>)> {
+pub(crate) fn robust_line(points: &[[f64; 2]], least: usize) -> Option<(f64, f64, Vec<[f64; 2]>)> {
     /// Largest number of points whose pairs yield candidates.
     const MAX_CANDIDATE_POINTS: usize = 32;
     let step = points.len().div_ceil(MAX_CANDIDATE_POINTS).max(1);

@@ -240,7 +240,8 @@ impl SiteCamera {
     }
 
     /// Returns the entered principal point.
-    pub(crate) fn entered_principal_point(&self) -> Option<PrincipalPointEntry> {
+    #[must_use]
+    pub fn entered_principal_point(&self) -> Option<PrincipalPointEntry> {
         self.lens.as_ref()?.principal_point_px
     }
 

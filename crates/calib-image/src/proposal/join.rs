@@ -190,7 +190,7 @@ const MAX_EDGES: usize = 1_500;
 #[must_use]
 pub fn join_edges(segments: &[LineSegment]) -> Vec<LineSegment> {
     let origin = Lens::pinhole(Pixel::new(0.0, 0.0));
-    let whole = |line: Line| LineSegment { ends: line.ends.map(Pixel::from), sigma: line.end_sigma };
+    let whole = |line: Line| LineSegment::new(line.ends.map(Pixel::from), line.end_sigma);
     lines(segments, &origin).into_iter().map(whole).collect()
 }
 
@@ -329,7 +329,7 @@ mod tests {
     }
 
     fn segment(a: [f64; 2], b: [f64; 2]) -> LineSegment {
-        LineSegment { ends: [a.into(), b.into()], sigma: 0.5 }
+        LineSegment::new([a.into(), b.into()], 0.5)
     }
 
     #[test]

@@ -7,7 +7,8 @@
 //! - `frame`: vanishing points of a camera;
 //! - `join`: evidence of an edge for a vanishing point, and the joining of broken edges;
 //! - `mixture`: the prior of cameras, and the likelihood of all edges under one camera;
-//! - `search`: vanishing points, the cameras that they allow, and the distortion;
+//! - `search`: vanishing points, and the cameras that they allow;
+//! - `curvature`: the lens, from the curvature of single edges;
 //! - `lies`: classification of edges as on the floor or above it;
 //! - `strokes`: the most informative edges as annotations, and their solution;
 //! - `straight`: edges curved by distortion, for fitting the lens;
@@ -17,6 +18,7 @@ mod frame;
 mod join;
 mod mixture;
 mod search;
+mod curvature;
 mod lies;
 mod strokes;
 mod straight;

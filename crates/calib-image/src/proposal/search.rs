@@ -1,5 +1,4 @@
-//! Search for camera hypotheses: vanishing points with many supporting edges, the cameras that they allow,
-//! and the distortion.
+//! Search for camera hypotheses: vanishing points with many supporting edges, and the cameras that they allow.
 //!
 //! # Vanishing points
 //!
@@ -15,16 +14,8 @@
 //! range, and the focal lengths that put two of the points at right angles. For every camera, the floor
 //! directions are searched in the same way, among the azimuths of the intersections of long edges with the
 //! horizon.
-//!
-//! # Distortion
-//!
-//! Distortion rotates every edge by an amount that depends on its position. With the correct distortion, more
-//! edges lead to common points. One parameter is searched: k1, with coordinates divided by half the image
-//! diagonal. For barrel distortion k2 is the square of k1, as in usual lenses (`single/lens_prior.rs` of the
-//! core). The suggested annotations contain inner points, from which the solver fits as many coefficients as
-//! they support.
 
-use calib_core::{BrownConrady, Distortion, Lens, Orientation};
+use calib_core::Orientation;
 
 use super::frame::{Point, azimuth, level, nadir, with_nadir};
 use super::join::Line;
@@ -103,8 +94,7 @@ fn non_member_probability(odds: f64) -> f64 {
 /// first. `width` is the width of the image, in pixels.
 pub(super) fn hypotheses(lines: &[Line], width: f64, prior: &CameraPrior) -> Vec<Hypothesis> {
     let lines = &lines[..lines.len().min(MAX_EDGES)];
-    let points: Vec<Point> = vanishing_points(lines).into_iter().map(|(point, _)| point).collect();
-    let cameras = candidate_cameras(&points, width);
+    let cameras = candidate_cameras(&vanishing_points(lines), width);
     let mut found: Vec<Hypothesis> =
         cameras.into_iter().map(|camera| with_directions(lines, camera, prior)).collect();
     found.sort_by(|a, b| b.score.total_cmp(&a.score));
@@ -125,24 +115,38 @@ fn are_distinct(a: &Orientation, b: &Orientation) -> bool {
     apart.iter().any(|apart| apart.abs() > 1.0)
 }
 
-/// Returns the total score of the best vanishing points, independent of a camera: a measure of the agreement
-/// of the edges.
-pub(super) fn concurrence(lines: &[Line]) -> f64 {
-    vanishing_points(&lines[..lines.len().min(MAX_EDGES)]).iter().map(|(_, score)| score).sum()
+/// Returns the vanishing points of the image, the best of every round first.
+///
+/// The joints of a tiled floor can be the longest edges of an image. Therefore the search is repeated on the
+/// edges that lead to none of the points, until no point is found.
+fn vanishing_points(lines: &[Line]) -> Vec<Point> {
+    let mut points: Vec<Point> = Vec::new();
+    let mut left = vec![1.0; lines.len()];
+    loop {
+        let is_left = |(_, left): &(&Line, &f64)| **left > 0.5;
+        let first = lines.iter().zip(&left).filter(is_left).map(|(line, _)| line).take(POINT_GENERATOR_EDGES);
+        let proposed = intersections(&first.collect::<Vec<_>>());
+        let candidates: Vec<Candidate> =
+            proposed.iter().map(|&point| Candidate::new(lines.iter().map(|line| line.odds(point)))).collect();
+        let most = MAX_POINTS.saturating_sub(points.len());
+        let chosen = select_greedily(&candidates, left.clone(), most, |_, _| true);
+        if chosen.is_empty() {
+            return points;
+        }
+        for (index, _) in chosen {
+            candidates[index].remove_from(&mut left);
+            points.push(proposed[index]);
+        }
+    }
 }
 
-/// Returns the vanishing points of the image with their scores, the best first.
-fn vanishing_points(lines: &[Line]) -> Vec<(Point, f64)> {
-    let first = &lines[..lines.len().min(POINT_GENERATOR_EDGES)];
-    let pairs = first.iter().enumerate().flat_map(|(i, a)| first[..i].iter().map(move |b| (a, b)));
-    let proposed: Vec<Point> = pairs
+/// Returns the intersections of all pairs of lines, except of identical lines.
+fn intersections(lines: &[&Line]) -> Vec<Point> {
+    let pairs = lines.iter().enumerate().flat_map(|(i, a)| lines[..i].iter().map(move |b| (a, b)));
+    pairs
         .map(|(a, b)| cross(a.through, b.through))
         .filter(|point| point.iter().any(|c| c.abs() > 1e-9))
-        .collect();
-    let candidates: Vec<Candidate> =
-        proposed.iter().map(|&point| Candidate::new(lines.iter().map(|line| line.odds(point)))).collect();
-    let chosen = select_greedily(&candidates, vec![1.0; lines.len()], MAX_POINTS, |_, _| true);
-    chosen.into_iter().map(|(index, score)| (proposed[index], score)).collect()
+        .collect()
 }
 
 fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
@@ -225,42 +229,4 @@ fn with_directions(lines: &[Line], camera: Orientation, prior: &CameraPrior) -> 
         azimuths: chosen.iter().map(|&(index, _)| azimuths[index]).collect(),
         score: of_verticals + of_directions + prior.log_density(&camera),
     }
-}
-
-/// Prior standard deviation of k1 among lenses, with coordinates divided by half the image diagonal.
-const K1_PRIOR_SIGMA: f64 = 0.2;
-/// Values of k1 tested in the coarse search; zero (no distortion) is first.
-pub(super) const K1_CANDIDATES: [f64; 4] = [0.0, -0.08, -0.16, -0.26];
-/// Smallest increase of the log evidence for which distortion is accepted.
-pub(super) const MIN_EVIDENCE_GAIN: f64 = 6.0;
-/// Number of halvings of the k1 step in the refinement.
-const HALVINGS: usize = 3;
-
-/// Returns `pinhole` with this k1, for an image of this width and height, in pixels.
-pub(super) fn lens(k1: f64, pinhole: Lens, size: [f64; 2]) -> Lens {
-    if k1 == 0.0 {
-        return pinhole;
-    }
-    let brown = BrownConrady { k1, k2: k1.min(0.0).powi(2), ..BrownConrady::default() };
-    Lens { focal: 0.5 * size[0].hypot(size[1]), distortion: Distortion::BrownConrady(brown), ..pinhole }
-}
-
-/// Returns the log prior density of k1, up to a constant.
-pub(super) fn log_density(k1: f64) -> f64 {
-    -0.5 * (k1 / K1_PRIOR_SIGMA).powi(2)
-}
-
-/// Refines the best coarse k1 by repeatedly halving the step. `best` is a k1 with its score. `score` returns
-/// the score of a k1; `None` if undefined.
-pub(super) fn refine_k1(mut best: (f64, f64), mut score: impl FnMut(f64) -> Option<f64>) -> (f64, f64) {
-    let mut step = 0.5 * (K1_CANDIDATES[1] - K1_CANDIDATES[0]).abs();
-    for _ in 0..HALVINGS {
-        for k1 in [best.0 - step, best.0 + step] {
-            if let Some(found) = score(k1).filter(|found| *found > best.1) {
-                best = (k1, found);
-            }
-        }
-        step *= 0.5;
-    }
-    best
 }

@@ -1,26 +1,29 @@
 //! Automatic calibration of one image from its straight edges.
 //!
-//! 1. For a few distortions, edges are joined and cameras are searched. The best cameras are refined as
-//!    mixtures, with and without right angles. If distortion makes the grouping much likelier, the k1 of the
-//!    distortion is refined.
-//! 2. The strokes of the likeliest mixture are solved like annotations of an operator.
-//! 3. The standard deviation of the focal length combines the standard deviation of the solution and the
-//!    scatter of the other mixtures, weighted by their evidence. This standard deviation determines the
-//!    confidence, together with other checks.
+//! 1. The lens is estimated from the curvature of single edges.
+//! 2. Edges are undistorted and joined, and cameras are searched. The best cameras are refined as mixtures,
+//!    with and without right angles.
+//! 3. The strokes of the likeliest mixture are solved like annotations of an operator.
+//! 4. The standard deviation of the focal length combines the standard deviation of the solution, the scatter
+//!    of the other mixtures, weighted by their evidence, and the uncertainty of the lens. This standard
+//!    deviation determines the confidence, together with other checks.
 
 use std::fmt;
 
+use calib_core::single::PrincipalPointPrior;
 use calib_core::{Code, ImageCircle, Kind, Lens, Orientation, Pixel};
-use calib_site::{SiteCamera, Solution, usual_pixel_aspect};
+use calib_site::{PrincipalPointEntry, SiteCamera, Solution, usual_pixel_aspect};
 
+use super::curvature::LensEstimate;
 use super::frame::{level, with_nadir};
+use super::join;
 use super::join::Line;
 use super::lies::classify_edges;
 use super::mixture::{CameraPrior, Mixture};
 use super::search::{Hypothesis, hypotheses};
 use super::straight::curved_edges;
 use super::strokes::{Group, entry, groups, select_strokes, solve_entry, stroke};
-use super::{join, search};
+use crate::bars::Bars;
 use crate::line_segment::LineSegment;
 
 /// Confidence of an automatic calibration.
@@ -85,6 +88,11 @@ pub enum Reason {
         /// Usual pixel aspect of images of this size.
         aspect: f64,
     },
+    /// Black bars that are wider at one side, so that the principal point is not near the image centre.
+    Bars {
+        /// Bars of the image.
+        bars: Bars,
+    },
     /// Camera that may hang upside down: it looks up.
     MayBeUpsideDown {
         /// Pitch, in degrees.
@@ -135,6 +143,10 @@ impl fmt::Display for Reason {
                 f,
                 "images of this size usually have pixels that are not square (aspect {aspect:.3}); enter lens.pixel_aspect, then propose again"
             ),
+            Self::Bars { bars } => write!(
+                f,
+                "the image has black bars ({bars}), and the principal point was assumed near the centre of the picture between them; use an image without bars"
+            ),
             Self::MayBeUpsideDown { pitch_deg } => write!(
                 f,
                 "the camera looks up by {:.0}\u{b0}, or it hangs upside down; check that the floor is at the bottom of the image",
@@ -183,11 +195,13 @@ pub struct EdgeImage {
     pub segments: Vec<LineSegment>,
     /// Width and height, in pixels.
     pub size: [u32; 2],
-    /// Principal point, in raw pixels; the image centre if absent.
-    pub principal_point: Option<Pixel>,
+    /// Principal point, if it is known or has a standard deviation; otherwise near the centre of the picture.
+    pub principal_point: Option<PrincipalPointEntry>,
+    /// Black bars at the sides of the image.
+    pub bars: Bars,
     /// Pixel aspect, if known; otherwise pixels are assumed to be square.
     pub pixel_aspect: Option<f64>,
-    /// Lens, if known; otherwise the distortion is estimated with the grouping.
+    /// Lens, if known; otherwise the distortion is estimated from the measured rises of the edges.
     pub lens: Option<Lens>,
     /// Image circle of a round image, in raw pixels; `None` if the scene fills the image.
     pub image_circle: Option<ImageCircle>,
@@ -228,12 +242,12 @@ pub struct Alternative {
 /// Edges under one lens, and the mixtures that explain them.
 struct Grouping {
     lens: Lens,
-    /// First distortion coefficient; 0 for a known lens.
-    k1: f64,
     /// Joined and undistorted edges, the longest first.
     lines: Vec<Line>,
     /// Mixtures, the likeliest first.
     mixtures: Vec<Mixture>,
+    /// Relative standard deviation of the focal length of the likeliest mixture by the uncertainty of the lens.
+    lens_sigma: f64,
 }
 
 impl Grouping {
@@ -254,12 +268,6 @@ impl Grouping {
         let Some((best, others)) = self.mixtures.split_first() else { return Vec::new() };
         others.iter().map(|other| (other.log_evidence - best.log_evidence, other)).collect()
     }
-
-    /// Returns the log evidence of the likeliest mixture, including the prior of k1; `None` without a
-    /// mixture.
-    fn log_evidence(&self) -> Option<f64> {
-        Some(self.mixtures.first()?.log_evidence + search::log_density(self.k1))
-    }
 }
 
 impl AutomaticCalibration {
@@ -272,16 +280,13 @@ impl AutomaticCalibration {
         if image.image_circle.is_some() && image.lens.is_none() {
             return Self::none(vec![Reason::RoundImage]);
         }
-        let Some(grouping) = image.grouping() else {
-            return Self::none(vec![Reason::NoDirections]);
-        };
+        let grouping = image.group_edges();
         match grouping.mixtures.first() {
             Some(best) if best.log_evidence > MIN_LOG_EVIDENCE => {
                 let straight = curved_edges(&grouping.lines, &image.segments, &grouping.lens);
                 // The distortion of a known lens is not fitted.
                 let straight = if image.lens.is_some() { Vec::new() } else { straight };
-                let doubt = image.pixel_doubt();
-                Self { curved_edges: straight, ..Self::from_grouping(&grouping, best, image.size, doubt) }
+                Self { curved_edges: straight, ..Self::from_grouping(&grouping, best, image) }
             }
             _ => Self::none(vec![Reason::NoDirections]),
         }
@@ -301,11 +306,10 @@ impl AutomaticCalibration {
         }
     }
 
-    /// Creates the result for the likeliest mixture `best`, for an image of this width and height, in pixels.
-    /// `doubt` is a reason to doubt the image itself.
-    fn from_grouping(grouping: &Grouping, best: &Mixture, size: [u32; 2], doubt: Option<Reason>) -> Self {
+    /// Creates the result for the likeliest mixture `best` of an image.
+    fn from_grouping(grouping: &Grouping, best: &Mixture, image: &EdgeImage) -> Self {
         let groups = grouping.groups_of(best);
-        let camera = entry(size, &grouping.lens, &groups);
+        let camera = entry(image.size, image.principal_point_entry(), &grouping.lens, &groups);
         let mut proposal = Self { groups, ..Self::none(Vec::new()) };
         let Some(solution) = solve_entry(&camera) else {
             proposal.reasons = vec![Reason::NoVerticals];
@@ -318,12 +322,11 @@ impl AutomaticCalibration {
             proposal.camera = Some(camera);
             return proposal;
         }
-        proposal.reasons.extend(doubt.into_iter().chain(doubtful_mount(best)));
+        proposal.reasons.extend(image.doubts().into_iter().chain(doubtful_mount(best)));
         let scatter = Scatter::new(best, &grouping.others());
-        let own = solution.sigma.as_ref().and_then(|sigma| sigma.focal_px).unwrap_or(f64::INFINITY);
-        let own = (SIGMA_INFLATION * own / solution.focal_px).min(UNKNOWN_FOCAL_SIGMA);
-        let sigma = own.hypot(scatter.sigma);
-        let unusual = CameraPrior::from_width(f64::from(size[0])).z_score(&best.camera);
+        let own = own_focal_sigma(&camera, &solution);
+        let sigma = own.hypot(scatter.sigma).hypot(grouping.lens_sigma);
+        let unusual = CameraPrior::from_width(f64::from(image.size[0])).z_score(&best.camera);
         let alternative = proposal.set_confidence([sigma, own, unusual], &scatter, &solution);
         proposal.alternative = alternative
             .map(|other| Alternative { orientation: other.camera, groups: grouping.groups_of(other) });
@@ -410,7 +413,25 @@ impl EdgeImage {
     /// Creates the input from the edges and the width and height of an image, in pixels; the lens is unknown.
     #[must_use]
     pub const fn new(segments: Vec<LineSegment>, size: [u32; 2]) -> Self {
-        Self { segments, size, principal_point: None, pixel_aspect: None, lens: None, image_circle: None }
+        Self {
+            segments,
+            size,
+            principal_point: None,
+            bars: Bars::NONE,
+            pixel_aspect: None,
+            lens: None,
+            image_circle: None,
+        }
+    }
+
+    /// Adds the bars of the image: edges of a bar are not used, and the principal point is near the centre of
+    /// the picture between the bars.
+    #[must_use]
+    pub fn with_bars(mut self, bars: Bars) -> Self {
+        let size = self.size;
+        self.segments.retain(|segment| segment.ends.iter().all(|&end| bars.is_in_picture(end, size)));
+        self.bars = bars;
+        self
     }
 
     /// Creates the input for a camera of a site. The lens is known if the site specifies the distortion.
@@ -419,7 +440,9 @@ impl EdgeImage {
         let given = camera.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
         let is_known = given.is_some_and(|distortion| distortion.distortion().is_some());
         Self {
-            principal_point: Some(camera.principal_point()),
+            principal_point: camera
+                .entered_principal_point()
+                .or_else(|| camera.image_circle().map(|circle| PrincipalPointEntry::known(circle.centre()))),
             pixel_aspect: camera.lens.as_ref().and_then(|lens| lens.pixel_aspect),
             lens: is_known.then(|| camera.lens()),
             image_circle: camera.image_circle(),
@@ -433,34 +456,20 @@ impl EdgeImage {
         Some(Reason::PixelsNotSquare { aspect })
     }
 
-    /// Returns the likeliest grouping, with or without distortion.
-    fn grouping(&self) -> Option<Grouping> {
-        let straight =
-            self.group_edges(self.lens.unwrap_or(search::lens(0.0, self.pinhole(), self.sides())), 0.0);
-        let distorted = if self.lens.is_none() { self.distorted_grouping() } else { None };
-        let gain =
-            |distorted: &Grouping| Some(distorted.log_evidence()? - straight.log_evidence().unwrap_or(0.0));
-        let chosen = match distorted {
-            Some(distorted) if gain(&distorted).is_some_and(|gain| gain > search::MIN_EVIDENCE_GAIN) => {
-                distorted
-            }
-            _ => straight,
+    /// Returns the principal point for the site file; `None` near the image centre.
+    fn principal_point_entry(&self) -> Option<PrincipalPointEntry> {
+        let [w, h] = self.bars.picture_size(self.size).map(f64::from);
+        let off_centre = PrincipalPointEntry {
+            value: self.bars.picture_centre(self.size),
+            sigma: Some(PrincipalPointPrior::of_image([w, h]).sigma),
         };
-        Some(chosen)
+        self.principal_point.or_else(|| (!self.bars.are_symmetric()).then_some(off_centre))
     }
 
-    /// Returns the grouping under the distortion with the best agreement of the edges; `None` if the edges
-    /// agree best without distortion.
-    fn distorted_grouping(&self) -> Option<Grouping> {
-        let concurrence = |k1: f64| {
-            search::concurrence(&self.lines(&search::lens(k1, self.pinhole(), self.sides())))
-                + search::log_density(k1)
-        };
-        let scores = search::K1_CANDIDATES.map(|k1| (k1, concurrence(k1)));
-        let (k1, _) = scores.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(k1, _)| *k1 != 0.0)?;
-        let coarse = self.distorted(k1);
-        let refined = self.refine_distortion(&coarse);
-        Some(if refined.log_evidence() > coarse.log_evidence() { refined } else { coarse })
+    /// Returns the reasons to doubt the image itself.
+    fn doubts(&self) -> Vec<Reason> {
+        let bars = (!self.bars.are_symmetric()).then_some(Reason::Bars { bars: self.bars });
+        self.pixel_doubt().into_iter().chain(bars).collect()
     }
 
     /// Returns the width and height, in pixels.
@@ -471,25 +480,36 @@ impl EdgeImage {
     /// Returns the lens without distortion: with the principal point or the image centre, and with the pixel
     /// aspect or square pixels.
     fn pinhole(&self) -> Lens {
-        let [w, h] = self.sides();
-        let centre = self.principal_point.unwrap_or(Pixel::new(0.5 * w, 0.5 * h));
+        let centre =
+            self.principal_point.map_or_else(|| self.bars.picture_centre(self.size), |entry| entry.value);
         Lens { pixel_aspect: self.pixel_aspect.unwrap_or(1.0), ..Lens::pinhole(centre) }
     }
 
-    /// Joins and groups the edges under the lens with this k1.
-    fn distorted(&self, k1: f64) -> Grouping {
-        self.group_edges(search::lens(k1, self.pinhole(), self.sides()), k1)
-    }
-
-    /// Joins and groups the edges under a lens.
-    fn group_edges(&self, lens: Lens, k1: f64) -> Grouping {
+    /// Joins and groups the edges under the known or estimated lens.
+    fn group_edges(&self) -> Grouping {
+        let LensEstimate { lens, deviating } = match self.lens {
+            Some(lens) => LensEstimate::known(lens),
+            None => LensEstimate::from_rises(&self.segments, self.pinhole(), self.sides()),
+        };
         let lines = self.lines(&lens);
         let prior = CameraPrior::from_width(f64::from(self.size[0]));
         let found = hypotheses(&lines, f64::from(self.size[0]), &prior);
         let mut mixtures: Vec<Mixture> =
             found.iter().flat_map(|hypothesis| variants(&lines, hypothesis, &prior)).collect();
         mixtures.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
-        Grouping { lens, k1, lines, mixtures }
+        let square = |best: &Mixture| -> f64 {
+            deviating.iter().map(|other| self.log_focal_change(best, other).powi(2)).sum()
+        };
+        let lens_sigma = mixtures.first().map_or(0.0, square).sqrt();
+        Grouping { lens, lines, mixtures, lens_sigma }
+    }
+
+    /// Returns the change of the log focal length of a mixture under another lens.
+    fn log_focal_change(&self, best: &Mixture, lens: &Lens) -> f64 {
+        let prior = CameraPrior::from_width(f64::from(self.size[0]));
+        let start = (best.camera, best.azimuths.clone(), best.right_angles.clone());
+        let other = Mixture::fit(&self.lines(lens), start, &prior);
+        other.map_or(UNKNOWN_FOCAL_SIGMA, |other| (other.camera.focal / best.camera.focal).ln())
     }
 
     /// Undistorts and joins the edges, the longest first.
@@ -498,30 +518,24 @@ impl EdgeImage {
         lines.truncate(MAX_LINES);
         lines
     }
+}
 
-    /// Refines the k1 of a grouping, and fits its mixtures again.
-    fn refine_distortion(&self, coarse: &Grouping) -> Grouping {
-        let prior = CameraPrior::from_width(f64::from(self.size[0]));
-        let score = |k1: f64| {
-            let lines = self.lines(&search::lens(k1, self.pinhole(), self.sides()));
-            let best = coarse.mixtures.first()?;
-            let start = (best.camera, best.azimuths.clone(), best.right_angles.clone());
-            Some(Mixture::fit(&lines, start, &prior)?.log_evidence + search::log_density(k1))
-        };
-        let (k1, _) =
-            search::refine_k1((coarse.k1, coarse.log_evidence().unwrap_or(f64::NEG_INFINITY)), score);
-        let lens = search::lens(k1, self.pinhole(), self.sides());
-        let lines = self.lines(&lens);
-        // The cameras of the coarse step are close enough; no new search is needed.
-        let starts = coarse
-            .mixtures
-            .iter()
-            .map(|from| (from.camera, from.azimuths.clone(), from.right_angles.clone()));
-        let mut mixtures: Vec<Mixture> =
-            starts.filter_map(|start| Mixture::fit(&lines, start, &prior)).collect();
-        mixtures.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
-        Grouping { lens, k1, lines, mixtures }
-    }
+/// Returns the relative standard deviation of the focal length of the solution of a camera entry.
+///
+/// The strokes share their errors, which the solver does not know. The uncertainty of the principal point is
+/// not among these errors. Therefore the solution with the principal point held gives the other part.
+fn own_focal_sigma(camera: &SiteCamera, solution: &Solution) -> f64 {
+    let relative = |solution: &Solution| {
+        let sigma = solution.sigma.as_ref().and_then(|sigma| sigma.focal_px);
+        sigma.map_or(UNKNOWN_FOCAL_SIGMA, |sigma| sigma / solution.focal_px)
+    };
+    let mut held = camera.clone();
+    let centre = PrincipalPointEntry::known(camera.principal_point());
+    held.lens.get_or_insert_default().principal_point_px = Some(centre);
+    let whole = relative(solution);
+    let lines = solve_entry(&held).as_ref().map_or(whole, relative).min(whole);
+    let of_centre = (whole * whole - lines * lines).max(0.0);
+    (SIGMA_INFLATION * lines).hypot(of_centre.sqrt()).min(UNKNOWN_FOCAL_SIGMA)
 }
 
 /// Whether the solution of the strokes differs from the camera of all edges in roll or pitch by more than

@@ -92,7 +92,8 @@ fn rise(line: &Line, lens: &Lens) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::proposal::{join, search};
+    use crate::proposal::join;
+    use calib_core::{BrownConrady, Distortion};
 
     /// Creates a horizontal edge at image row `v`, distorted with this k1, in pieces as from a detector.
     fn pieces(k1: f64, v: f64) -> Vec<LineSegment> {
@@ -105,13 +106,15 @@ mod tests {
             let (mu, mv) = (mean(&|p| p.u), mean(&|p| p.v));
             let tilt = mean(&|p| (p.u - mu) * (p.v - mv)) / mean(&|p| (p.u - mu).powi(2));
             let end = |u: f64| Pixel::new(u, mv + tilt * (u - mu));
-            LineSegment { ends: [end(points[0].u), end(points[60].u)], sigma: 0.3 }
+            LineSegment::new([end(points[0].u), end(points[60].u)], 0.3)
         };
         (0..6).map(piece).collect()
     }
 
     fn lens(k1: f64) -> Lens {
-        search::lens(k1, Lens::pinhole(Pixel::new(960.0, 540.0)), [1920.0, 1080.0])
+        let brown = BrownConrady { k1, k2: k1 * k1, ..BrownConrady::default() };
+        let distortion = if k1 == 0.0 { Distortion::None } else { Distortion::BrownConrady(brown) };
+        Lens { focal: 0.5 * 1920.0_f64.hypot(1080.0), distortion, ..Lens::pinhole(Pixel::new(960.0, 540.0)) }
     }
 
     #[test]

@@ -146,11 +146,14 @@ pub(super) fn stroke(line: &Line, lens: &Lens) -> Vec<Pixel> {
     line.ends.iter().filter_map(|p| lens.distort(UndistortedPixel { u: p[0] + u, v: p[1] + v })).collect()
 }
 
-/// Creates the camera entry of a site file from an image size, in pixels, a lens and annotations.
-pub(super) fn entry(size: [u32; 2], lens: &Lens, groups: &[Group]) -> SiteCamera {
-    let centre = Pixel::new(0.5 * f64::from(size[0]), 0.5 * f64::from(size[1]));
-    let principal_point_px =
-        Some(lens.principal_point).filter(|point| *point != centre).map(PrincipalPointEntry::known);
+/// Creates the camera entry of a site file from an image size, in pixels, a principal point that is not near
+/// the image centre, a lens and annotations.
+pub(super) fn entry(
+    size: [u32; 2],
+    principal_point_px: Option<PrincipalPointEntry>,
+    lens: &Lens,
+    groups: &[Group],
+) -> SiteCamera {
     let distortion = DistortionEntry::from_lens(lens, lens.focal);
     let distortion = distortion.map(|entry| DistortionEntry { focal_px: Some(lens.focal), ..entry });
     let pixel_aspect = Some(lens.pixel_aspect).filter(|aspect| *aspect != 1.0);

@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
 /// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
-const REST: [&str; 53] = [
+const REST: [&str; 54] = [
     // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
@@ -38,6 +38,7 @@ const REST: [&str; 53] = [
     "calib_input",
     "calib_image::compare",
     "calib_image::proposal",
+    "calib_image::bars",
     "calib_health",
     "calib_site::recovered",
     "image",
