@@ -89,6 +89,14 @@ impl OutputArgs {
         self.output == "-"
     }
 
+    /// Whether the output is a JPEG file.
+    #[cfg(feature = "stills")]
+    pub(crate) fn is_jpeg(&self) -> bool {
+        let ending =
+            Path::new(&self.output).extension().map(|ending| ending.to_string_lossy().to_lowercase());
+        matches!(ending.as_deref(), Some("jpg" | "jpeg"))
+    }
+
     /// Returns the path of one of several output files: the output path with `-name` before its extension. An
     /// empty name returns the output path.
     pub(crate) fn path_for(&self, name: &str) -> String {

@@ -44,6 +44,10 @@ mod coverage;
 mod measure;
 mod windows;
 mod undistort;
+#[cfg(feature = "stills")]
+mod snapshot;
+#[cfg(feature = "stills")]
+mod still;
 #[cfg(feature = "archives")]
 mod watch;
 
@@ -71,6 +75,9 @@ enum Command {
     Solve(solve::Args),
     /// Calibrate images automatically from their edges; exit 4 if a result is not accepted
     Propose(propose::Args),
+    /// Write a still image from a video, or a snapshot from the address of a camera (PNG, or JPEG for .jpg)
+    #[cfg(feature = "stills")]
+    Still(still::Args),
     /// Map tables of detections to the floor, or 3D points to pixels (CSV, NDJSON, Arrow, Parquet)
     #[cfg(feature = "archives")]
     Project(project::Args),
@@ -128,6 +135,8 @@ fn main() -> ExitCode {
         Command::Propose(args) => propose::run(&args),
         #[cfg(feature = "archives")]
         Command::Project(args) => project::run(&args),
+        #[cfg(feature = "stills")]
+        Command::Still(args) => still::run(&args),
         Command::Undistort(args) => undistort::run(&args),
         Command::Render(args) => render::run(&args),
         Command::Check(args) => check::run(&args),

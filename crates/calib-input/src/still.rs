@@ -253,7 +253,7 @@ fn stretch(image: &image::ImageBuffer<Rgb<u16>, Vec<u16>>) -> RgbImage {
 /// Returns the name of a format that is not read, and advice, from the first bytes.
 fn unsupported(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
     const SAVE: &str = "save it as JPEG or PNG";
-    const FRAME: &str = "save one frame of it as JPEG or PNG";
+    const FRAME: &str = "save one frame of it, for example with `calib still VIDEO -o still.png`";
     let brand = bytes.get(4..12).and_then(|head| head.strip_prefix(b"ftyp"));
     match (bytes, brand) {
         (_, Some(b"heic" | b"heix" | b"hevc" | b"heim" | b"heis" | b"mif1" | b"msf1")) => Some((

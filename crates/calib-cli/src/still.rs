@@ -1,0 +1,131 @@
+//! `calib still`: writes a still image from a video file, or a snapshot from the address of a camera.
+
+use std::fs::File;
+use std::path::Path;
+
+use calib_video::{Video, VideoError, is_video};
+use image::RgbImage;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::args::OutputArgs;
+use crate::files::print_message;
+use crate::snapshot::{self, SnapshotArgs};
+use crate::stop::CommandError;
+
+/// Arguments of `calib still`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Video file (MP4, MOV, MKV, AVI; H.264, H.265, motion JPEG), or http(s) address of a snapshot
+    #[arg(value_name = "VIDEO|URL")]
+    source: String,
+    /// Time of the frame: seconds, MM:SS or HH:MM:SS, from the start of the video; default: the first frame
+    #[arg(long, value_name = "TIME", value_parser = seconds, conflicts_with = "median")]
+    at: Option<f64>,
+    /// Median of this number of frames, evenly spaced over the video: people and vehicles disappear
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=201))]
+    median: Option<u16>,
+    #[command(flatten)]
+    snapshot: SnapshotArgs,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+/// Writes the still image.
+pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
+    args.output.check_free()?;
+    if snapshot::is_address(&args.source) {
+        if args.at.is_some() || args.median.is_some() {
+            let what = "--at and --median are for video files; the address of a camera gives one image";
+            return Err(CommandError::Usage(what.into()));
+        }
+        return snapshot::run(&args.source, &args.snapshot, &args.output);
+    }
+    let path = Path::new(&args.source);
+    let invalid = |error: VideoError| CommandError::invalid(path.display(), error);
+    let file = File::open(path).map_err(|error| invalid(error.into()))?;
+    let mut video = Video::open(file).map_err(|error| match error {
+        VideoError::NotVideo if is_image(path) => {
+            let what = "is an image, expected a video; use the image itself as the still";
+            CommandError::invalid(path.display(), what)
+        }
+        error => invalid(error),
+    })?;
+    let image = match args.median {
+        Some(count) => median(&mut video, count).map_err(invalid)?,
+        None => {
+            let (time, image) = video.frame_at(args.at.unwrap_or(0.0)).map_err(invalid)?;
+            print_message(format_args!("calib: frame at {time:.2} s of {:.2} s", video.duration_s()));
+            image
+        }
+    };
+    let aspect = video.pixel_aspect();
+    if (aspect - 1.0).abs() > 1e-3 {
+        print_message(format_args!(
+            "calib: the pixels of this video are not square; enter \"pixel_aspect\": {aspect:.4} in the lens of the \
+             camera"
+        ));
+    }
+    args.output.write_image(&image)
+}
+
+/// Whether a file is an image.
+fn is_image(path: &Path) -> bool {
+    calib_input::read(path, 1 << 30)
+        .is_ok_and(|bytes| !is_video(&bytes) && calib_input::image_size(&bytes).is_ok())
+}
+
+/// Computes the median of some frames, with a progress bar.
+fn median(video: &mut Video, count: u16) -> Result<RgbImage, VideoError> {
+    /// Share of the pixels that may be covered in many frames, 0 to 1.
+    const MAX_BUSY_SHARE: f64 = 0.01;
+    let bar = ProgressBar::new(u64::from(count));
+    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} frames, {eta} left") {
+        bar.set_style(style);
+    }
+    let found = video.median(usize::from(count), &mut |share| {
+        bar.set_position((share * f64::from(count)).round() as u64);
+        true
+    })?;
+    bar.finish_and_clear();
+    print_message(format_args!(
+        "calib: median of {} of {} frames; something moved in {:.1} % of the image",
+        found.times_s.len(),
+        video.frame_count(),
+        100.0 * found.moved_share
+    ));
+    if found.busy_share > MAX_BUSY_SHARE {
+        print_message(format_args!(
+            "calib: {:.1} % of the image is covered in a third of the frames or more, and may show parts of objects; \
+             use a longer video",
+            100.0 * found.busy_share
+        ));
+    }
+    Ok(found.image)
+}
+
+/// Parses a time: seconds, MM:SS or HH:MM:SS.
+fn seconds(text: &str) -> Result<f64, String> {
+    let parts: Vec<&str> = text.split(':').collect();
+    let total = parts.iter().try_fold(0.0, |total, part| {
+        let value: f64 = part.parse().ok()?;
+        (value >= 0.0 && (parts.len() == 1 || value < 60.0 || total == 0.0)).then_some(60.0 * total + value)
+    });
+    total
+        .filter(|total: &f64| parts.len() <= 3 && total.is_finite())
+        .ok_or_else(|| "expected seconds, MM:SS or HH:MM:SS".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_seconds_or_with_colons() {
+        for (text, expected) in [("12.5", 12.5), ("1:30", 90.0), ("01:02:03.5", 3723.5), ("0", 0.0)] {
+            assert_eq!(seconds(text), Ok(expected), "{text}");
+        }
+        for text in ["", "-1", "1:2:3:4", "1:75:00", "NaN", "x"] {
+            assert!(seconds(text).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,26 @@
+//! Still images from video files: single frames, and the median of several frames.
+//!
+//! Containers: MP4 and MOV (also fragmented), Matroska and `WebM`, AVI. Codecs: H.264, H.265 and motion JPEG.
+//! The pixels of a frame are those that a tracker gets from the same file: rotated as the file demands, and not
+//! scaled. If they are not square, [`Video::pixel_aspect`] states their aspect.
+//!
+//! Rule: a file may be hostile. Sizes are checked before memory is allocated, and a panic in a library is an
+//! error of the file. The modules, in data-flow order:
+//!
+//! - `error`: reasons why a video is not read;
+//! - `stream`: codec, times and positions of the frames of a file;
+//! - `mp4`, `matroska`, `avi`: streams of the three containers;
+//! - `decoder`: frames of a group of packets;
+//! - `video`: frames by time, and the median of frames.
+
+// A module uses only the modules above it.
+mod error;
+mod stream;
+mod mp4;
+mod matroska;
+mod avi;
+mod decoder;
+mod video;
+
+pub use error::VideoError;
+pub use video::{Median, Video, is_video};

@@ -1,0 +1,84 @@
+//! Codec, times and positions of the frames of a file.
+
+use std::io::{Read, Seek, SeekFrom};
+
+use crate::error::VideoError;
+
+/// Largest number of frames of a file.
+pub(crate) const MAX_FRAMES: usize = 10_000_000;
+/// Largest number of bytes of one packet.
+const MAX_PACKET_BYTES: u64 = 1 << 28;
+
+/// Source of bytes with a position.
+pub(crate) trait Source: Read + Seek {}
+
+impl<T: Read + Seek> Source for T {}
+
+/// Codec of a stream, with its parameter sets outside the packets.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Codec {
+    /// H.264; with the record `avcC`, or with start codes in the packets.
+    H264(Option<Vec<u8>>),
+    /// H.265; with the record `hvcC`, or with start codes in the packets.
+    H265(Option<Vec<u8>>),
+    /// Motion JPEG: every packet is an image.
+    MotionJpeg,
+}
+
+/// Compressed frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Packet {
+    /// Time at which the frame is shown, in seconds from the start of the video.
+    pub(crate) time_s: f64,
+    /// Whether decoding can start here.
+    pub(crate) is_key: bool,
+    /// Position in the file and length, in bytes.
+    pub(crate) bytes: [u64; 2],
+}
+
+/// Video stream of a file.
+#[derive(Clone, Debug)]
+pub(crate) struct Stream {
+    pub(crate) codec: Codec,
+    /// Packets in decoding order.
+    pub(crate) packets: Vec<Packet>,
+    /// Clockwise rotation for display, in quarter turns.
+    pub(crate) quarter_turns: u8,
+    /// Width of a pixel divided by its height.
+    pub(crate) pixel_width_by_height: f64,
+}
+
+impl Packet {
+    /// Reads the data of the packet.
+    pub(crate) fn read(&self, source: &mut dyn Source) -> Result<Vec<u8>, VideoError> {
+        let [from, length] = self.bytes;
+        if length > MAX_PACKET_BYTES {
+            return Err(VideoError::Broken(format!("a frame has {length} bytes")));
+        }
+        source.seek(SeekFrom::Start(from))?;
+        let mut data = Vec::new();
+        source.take(length).read_to_end(&mut data)?;
+        Ok(data)
+    }
+}
+
+impl Stream {
+    /// Checks the packets: their number, and that decoding can start at the first one.
+    pub(crate) fn checked(mut self) -> Result<Self, VideoError> {
+        if self.packets.len() > MAX_FRAMES {
+            return Err(VideoError::TooManyFrames);
+        }
+        let first = self.packets.iter().position(|packet| packet.is_key).unwrap_or(0);
+        self.packets.drain(..first);
+        let start = self.packets.iter().map(|packet| packet.time_s).fold(f64::INFINITY, f64::min);
+        self.packets.iter_mut().for_each(|packet| packet.time_s -= start);
+        if self.packets.is_empty() { Err(VideoError::NoFrames) } else { Ok(self) }
+    }
+}
+
+/// Returns the file's length, in bytes, and moves to its start.
+pub(crate) fn length(source: &mut dyn Source) -> Result<u64, VideoError> {
+    let length = source.seek(SeekFrom::End(0))?;
+    source.rewind()?;
+    Ok(length)
+}

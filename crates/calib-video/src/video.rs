@@ -1,0 +1,313 @@
+//! Frames of a video by time, and the median of several frames.
+
+use std::io::Read as _;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use image::{RgbImage, imageops};
+
+use crate::error::VideoError;
+use crate::stream::{Packet, Source, Stream};
+use crate::{avi, decoder, matroska, mp4};
+
+/// Container of a video.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Container {
+    Mp4,
+    Matroska,
+    Avi,
+}
+
+/// Video of a file.
+pub struct Video {
+    source: Box<dyn Source>,
+    container: Container,
+    stream: Stream,
+}
+
+impl std::fmt::Debug for Video {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Video").field("container", &self.container).field("stream", &self.stream).finish()
+    }
+}
+
+/// Median of several frames of a video: objects that move disappear.
+#[derive(Clone, Debug)]
+pub struct Median {
+    /// Median of every colour of every pixel.
+    pub image: RgbImage,
+    /// Times of the frames, in seconds.
+    pub times_s: Vec<f64>,
+    /// Share of the pixels that something covered in some of the frames, 0 to 1.
+    pub moved_share: f64,
+    /// Share of the pixels that something covered in a third of the frames or more, 0 to 1. The median may show
+    /// parts of it.
+    pub busy_share: f64,
+}
+
+/// Packets from a key frame to the next one.
+///
+/// Frames that follow a key frame in the file can be shown before it. Some of them need the frames of the group
+/// before, too, and are decoded with that group: it ends with the next key frame and these frames.
+struct Group {
+    packets: Vec<Packet>,
+    /// Time of the next key frame, in seconds.
+    end_s: f64,
+}
+
+/// Whether the first bytes of a file are those of a video.
+#[must_use]
+pub fn is_video(beginning: &[u8]) -> bool {
+    container_of(beginning).is_some()
+}
+
+fn container_of(beginning: &[u8]) -> Option<Container> {
+    let has = |at: usize, name: &[u8]| beginning.get(at..at + name.len()) == Some(name);
+    let is_box = [b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip"].iter().any(|name| has(4, &name[..]));
+    // Images in the containers of MP4 and AVI.
+    let is_image =
+        [b"heic", b"heix", b"mif1", b"avif"].iter().any(|name| has(8, &name[..])) && has(4, b"ftyp");
+    match () {
+        () if has(0, b"RIFF") && has(8, b"AVI ") => Some(Container::Avi),
+        () if has(0, &[0x1A, 0x45, 0xDF, 0xA3]) => Some(Container::Matroska),
+        () if is_box && !is_image => Some(Container::Mp4),
+        () => None,
+    }
+}
+
+/// Runs a part of the reading; a panic of a library becomes an error of the file.
+fn without_panic<T>(read: impl FnOnce() -> Result<T, VideoError>) -> Result<T, VideoError> {
+    catch_unwind(AssertUnwindSafe(read))
+        .unwrap_or_else(|_| Err(VideoError::Broken("its data contradict each other".into())))
+}
+
+impl Video {
+    /// Opens a video. The file is read in parts.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the file is not a video with a supported codec, or is damaged.
+    pub fn open(file: impl std::io::Read + std::io::Seek + 'static) -> Result<Self, VideoError> {
+        let mut source: Box<dyn Source> = Box::new(file);
+        let mut beginning = Vec::new();
+        source.as_mut().take(16).read_to_end(&mut beginning)?;
+        let container = container_of(&beginning).ok_or(VideoError::NotVideo)?;
+        let stream = without_panic(|| match container {
+            Container::Mp4 => mp4::read(source.as_mut()),
+            Container::Matroska => matroska::read(source.as_mut()),
+            Container::Avi => avi::read(source.as_mut()),
+        })?;
+        Ok(Self { source, container, stream })
+    }
+
+    /// Returns the number of frames.
+    #[must_use]
+    pub fn frame_count(&self) -> usize {
+        self.stream.packets.len()
+    }
+
+    /// Returns the duration of the video, in seconds; the last frame is shown as long as an average frame.
+    #[must_use]
+    pub fn duration_s(&self) -> f64 {
+        let last = self.stream.packets.iter().map(|packet| packet.time_s).fold(0.0, f64::max);
+        let count = self.frame_count() as f64;
+        if count > 1.0 { last * count / (count - 1.0) } else { last }
+    }
+
+    /// Returns the pixel aspect of the frames, in the sense of `lens.pixel_aspect`: focal length in pixels
+    /// vertically divided by horizontally.
+    #[must_use]
+    pub fn pixel_aspect(&self) -> f64 {
+        let aspect = self.stream.pixel_width_by_height;
+        // A rotation by a quarter turn exchanges width and height.
+        if self.stream.quarter_turns % 2 == 1 { aspect.recip() } else { aspect }
+    }
+
+    /// Returns the frame that is shown at a time, in seconds, with the time when it appears.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the time is after the end, or the frame cannot be decoded.
+    pub fn frame_at(&mut self, time_s: f64) -> Result<(f64, RgbImage), VideoError> {
+        let duration_s = self.duration_s();
+        if !(0.0..=duration_s).contains(&time_s) {
+            return Err(VideoError::OutsideVideo { time_s, duration_s });
+        }
+        let frames = self.frames_at(&[time_s], &mut |_| true)?;
+        frames.into_iter().next().ok_or(VideoError::NoFrames)
+    }
+
+    /// Computes the median of `count` frames, evenly spaced over the video.
+    ///
+    /// `progress` gets the share of the work done, 0 to 1, and returns whether to continue.
+    ///
+    /// # Errors
+    ///
+    /// Fails if no frame can be decoded, or `progress` stops the work.
+    pub fn median(
+        &mut self,
+        count: usize,
+        progress: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<Median, VideoError> {
+        let count = count.clamp(1, self.frame_count());
+        let packets = &self.stream.packets;
+        let keys: Vec<Packet> = packets.iter().filter(|packet| packet.is_key).copied().collect();
+        // Key frames need no other frame to be decoded.
+        let shown = shown_times(if keys.len() >= count { &keys } else { packets });
+        let times: Vec<f64> = (0..count).map(|i| shown[(2 * i + 1) * shown.len() / (2 * count)]).collect();
+        let mut frames = self.frames_at(&times, progress)?;
+        let size = frames.first().map(|(_, image)| image.dimensions()).ok_or(VideoError::NoFrames)?;
+        // The size may change within a recording.
+        frames.retain(|(_, image)| image.dimensions() == size);
+        let times_s = frames.iter().map(|(time, _)| *time).collect();
+        let images: Vec<RgbImage> = frames.into_iter().map(|(_, image)| image).collect();
+        let image = median(&images);
+        let [moved_share, busy_share] = moved_shares(&images, &image);
+        Ok(Median { image, times_s, moved_share, busy_share })
+    }
+
+    /// Returns the frames that are shown at these times, in ascending order; a frame only once.
+    fn frames_at(
+        &mut self,
+        times_s: &[f64],
+        progress: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<Vec<(f64, RgbImage)>, VideoError> {
+        let mut found = Vec::new();
+        let (mut asked, mut last_error) = (0, VideoError::NoFrames);
+        for group in self.groups() {
+            let until = asked + times_s[asked..].iter().take_while(|time| **time < group.end_s).count();
+            if until == asked {
+                continue;
+            }
+            match self.frames_of(&group.packets, &times_s[asked..until]) {
+                Ok(frames) => found.extend(frames),
+                Err(error) => last_error = error,
+            }
+            asked = until;
+            if !progress(asked as f64 / times_s.len() as f64) {
+                return Err(VideoError::Cancelled);
+            }
+        }
+        if found.is_empty() { Err(last_error) } else { Ok(found) }
+    }
+
+    /// Returns the groups of packets: each starts with a key frame.
+    fn groups(&self) -> Vec<Group> {
+        let runs: Vec<&[Packet]> = self.stream.packets.chunk_by(|_, next| !next.is_key).collect();
+        let group = |index: usize| {
+            let key = runs[index][0];
+            let is_own = |packet: &&Packet| index == 0 || packet.time_s >= key.time_s;
+            let mut packets: Vec<Packet> = runs[index].iter().filter(is_own).copied().collect();
+            let next = runs.get(index + 1).copied().unwrap_or_default();
+            let leading = |packet: &&Packet| packet.is_key || packet.time_s < next[0].time_s;
+            packets.extend(next.iter().take_while(leading));
+            Group { packets, end_s: next.first().map_or(f64::INFINITY, |key| key.time_s) }
+        };
+        (0..runs.len()).map(group).collect()
+    }
+
+    /// Returns the frames of a group that are shown at these times.
+    fn frames_of(&mut self, group: &[Packet], times_s: &[f64]) -> Result<Vec<(f64, RgbImage)>, VideoError> {
+        let shown = shown_times(group);
+        let number = |time: &f64| shown.partition_point(|start| *start <= time + 1e-9).saturating_sub(1);
+        let mut numbers: Vec<usize> = times_s.iter().map(number).collect();
+        numbers.dedup();
+        // The first frame is a key frame, which needs no other frame.
+        let group = if numbers == [0] { &group[..1] } else { group };
+        let source = self.source.as_mut();
+        let data = match self.container {
+            Container::Matroska => without_panic(|| matroska::read_packets(source, group))?,
+            _ => group.iter().map(|packet| packet.read(source)).collect::<Result<Vec<_>, _>>()?,
+        };
+        let turns = self.stream.quarter_turns;
+        let mut found = Vec::new();
+        without_panic(|| {
+            decoder::decode(&self.stream.codec, &data, &mut |index, image| {
+                if numbers.contains(&index) {
+                    found.push((shown[index.min(shown.len() - 1)], turned(image()?, turns)));
+                }
+                Ok(())
+            })
+        })?;
+        Ok(found)
+    }
+}
+
+/// Returns the times at which the frames of a group are shown, ascending.
+fn shown_times(group: &[Packet]) -> Vec<f64> {
+    let mut times: Vec<f64> = group.iter().map(|packet| packet.time_s).collect();
+    times.sort_by(f64::total_cmp);
+    times
+}
+
+/// Rotates an image clockwise by quarter turns.
+fn turned(image: RgbImage, quarter_turns: u8) -> RgbImage {
+    match quarter_turns {
+        1 => imageops::rotate90(&image),
+        2 => imageops::rotate180(&image),
+        3 => imageops::rotate270(&image),
+        _ => image,
+    }
+}
+
+/// Returns the median of images of one size, for every colour of every pixel.
+fn median(images: &[RgbImage]) -> RgbImage {
+    let Some(first) = images.first() else { return RgbImage::new(0, 0) };
+    let mut values = vec![0; images.len()];
+    let mut result = first.clone();
+    for (index, value) in result.iter_mut().enumerate() {
+        values.iter_mut().zip(images).for_each(|(one, image)| *one = image.as_raw()[index]);
+        let (_, middle, _) = values.select_nth_unstable(images.len() / 2);
+        *value = *middle;
+    }
+    result
+}
+
+/// Returns the shares of the pixels that differ from the median in some of the frames, and in a third of them.
+fn moved_shares(images: &[RgbImage], median: &RgbImage) -> [f64; 2] {
+    /// Smallest difference of a colour that is not noise, 0 to 255.
+    const MIN_DIFFERENCE: u8 = 30;
+    /// Share of the frames in which a busy pixel is covered.
+    const BUSY: f64 = 1.0 / 3.0;
+    let pixels = (median.as_raw().len() / 3).max(1);
+    let mut counts = [0_usize; 2];
+    for pixel in 0..pixels {
+        let differs = |image: &&RgbImage| {
+            (3 * pixel..3 * pixel + 3)
+                .any(|k| image.as_raw()[k].abs_diff(median.as_raw()[k]) >= MIN_DIFFERENCE)
+        };
+        let covered = images.iter().filter(differs).count() as f64;
+        counts[0] += usize::from(covered > 0.0);
+        counts[1] += usize::from(covered >= BUSY * images.len() as f64);
+    }
+    counts.map(|count| count as f64 / pixels as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use image::Rgb;
+
+    use super::*;
+
+    #[test]
+    fn the_median_removes_an_object_that_moves() {
+        let frame = |at: u32| {
+            RgbImage::from_fn(40, 20, |x, y| match x.abs_diff(at) {
+                0..3 => Rgb([250, 10, 10]),
+                _ => Rgb([(3 * x + y) as u8, 90, 60]),
+            })
+        };
+        let frames: Vec<RgbImage> = (0..9).map(|i| frame(4 * i)).collect();
+        let empty = median(&frames);
+        assert!(empty.enumerate_pixels().all(|(x, y, pixel)| pixel.0 == [(3 * x + y) as u8, 90, 60]));
+        let [moved, busy] = moved_shares(&frames, &empty);
+        assert!(moved > 0.8 && busy < 0.01, "{moved} {busy}");
+    }
+
+    #[test]
+    fn files_that_are_not_videos_are_refused() {
+        for data in [&b""[..], b"RIFF....WEBP", b"....ftypheic", &[0; 64]] {
+            let error = Video::open(std::io::Cursor::new(data.to_vec())).unwrap_err();
+            assert!(matches!(error, VideoError::NotVideo), "{error}");
+        }
+    }
+}
