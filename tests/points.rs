@@ -41,15 +41,8 @@ fn site(points: &[WorldPoint], sigma: f64, random: &mut ChaCha8Rng) -> Site {
             let pixel = Pixel::new(shown.u + normal(), shown.v + normal());
             ControlPointEntry {
                 id: Some(format!("p{index}")),
-                name: None,
-                off: false,
-                keep: false,
-                px: pixel,
                 world_m: Some(world),
-                plan_px: None,
-                height_m: None,
-                sigma_px: None,
-                sigma_m: None,
+                ..ControlPointEntry::new(pixel)
             }
         })
         .collect();

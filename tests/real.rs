@@ -127,15 +127,8 @@ fn shelter(data: &Value, frames: &std::path::Path, fix_focal: bool) -> Site {
 fn control_point(point: &Value) -> ControlPointEntry {
     ControlPointEntry {
         id: Some(point["id"].to_string()),
-        name: None,
-        off: false,
-        keep: false,
-        px: serde_json::from_value(point["px"].clone()).unwrap(),
         world_m: serde_json::from_value(point["world_m"].clone()).unwrap(),
-        plan_px: None,
-        height_m: None,
-        sigma_px: None,
-        sigma_m: None,
+        ..ControlPointEntry::new(serde_json::from_value(point["px"].clone()).unwrap())
     }
 }
 

@@ -125,7 +125,7 @@ fn place_first(desk: &mut Desk, model: &Site) {
         desk.key(Key::Minus);
     }
     for point in &model.cameras[0].control_points {
-        let world = point.control_point(model.plan.as_ref()).unwrap().world;
+        let world = point.control_point(model).unwrap().world;
         if world.z == 0.0 {
             desk.key(Key::Num1);
             desk.click(Pane::Image(0), point.px.into());

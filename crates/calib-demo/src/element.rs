@@ -97,15 +97,8 @@ pub(crate) fn control_points(
             let px = hand.annotate_point(*point)?;
             Some(ControlPointEntry {
                 id: Some(name.clone()),
-                name: None,
-                off: false,
-                keep: false,
-                px,
                 world_m: Some(*point),
-                plan_px: None,
-                height_m: None,
-                sigma_px: None,
-                sigma_m: None,
+                ..ControlPointEntry::new(px)
             })
         })
         .collect()

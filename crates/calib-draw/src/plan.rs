@@ -218,7 +218,7 @@ fn control_points(view: &PlanView) -> Vec<Item<FloorPoint>> {
     let mut items = Vec::new();
     for (camera, entry) in site.cameras.iter().enumerate() {
         for (index, point) in entry.control_points.iter().enumerate().filter(|(_, point)| !point.off) {
-            let Some(control) = point.control_point(site.plan.as_ref()) else { continue };
+            let Some(control) = point.control_point(site) else { continue };
             let at = control.world.on_floor();
             items.push(Item::point(Meaning::ControlPoint { camera, index, is_off: false }, at));
             let position =

@@ -36,9 +36,8 @@ impl Session {
     #[must_use]
     pub fn is_fixed_by_control_points(&self, index: usize) -> bool {
         self.site.cameras.get(index).is_some_and(|camera| {
-            let is_usable = |p: &&calib_site::ControlPointEntry| {
-                !p.off && p.control_point(self.site.plan.as_ref()).is_some()
-            };
+            let is_usable =
+                |p: &&calib_site::ControlPointEntry| !p.off && p.control_point(&self.site).is_some();
             let fixed = camera.placement.as_ref().is_some_and(|placement| placement.fixed);
             !fixed && camera.control_points.iter().filter(is_usable).count() >= 2
         })

@@ -15,7 +15,8 @@ use crate::tree::pretty;
 use crate::view::View;
 
 pub(crate) fn write(scene: &Scene, export: &mut Export) {
-    let earth = scene.site.georeference();
+    let georeference = scene.site.georeference();
+    let earth = georeference.as_ref();
     let features = scene.views.iter().flat_map(|view| features(view, earth));
     let planes = covering(scene.site);
     let regions = planes.iter().map(|(entry, plane)| region(entry, plane, earth));
@@ -38,7 +39,8 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
 /// their results. Coordinates are as in the export of the site.
 #[must_use]
 pub fn coverage_geojson(site: &Site, coverage: &SiteCoverage<'_>) -> String {
-    let earth = site.georeference();
+    let georeference = site.georeference();
+    let earth = georeference.as_ref();
     let mut features = Vec::new();
     for rectangle in coverage.rectangles() {
         let level = rectangle.level.map(calib_core::floor::DensityLevel::name);

@@ -146,18 +146,7 @@ impl ImportedCamera {
 
 /// Returns a control point: a pixel that shows a known world point.
 pub(crate) fn control_point(px: Pixel, world: WorldPoint) -> ControlPointEntry {
-    ControlPointEntry {
-        id: None,
-        name: None,
-        off: false,
-        keep: false,
-        px,
-        world_m: Some(world),
-        plan_px: None,
-        height_m: None,
-        sigma_px: None,
-        sigma_m: None,
-    }
+    ControlPointEntry { world_m: Some(world), ..ControlPointEntry::new(px) }
 }
 
 /// Creates a site with these camera entries and checks it. `place` is the file for messages.

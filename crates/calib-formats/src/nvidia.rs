@@ -91,7 +91,8 @@ fn transforms(map: Map, height: f64) -> String {
 }
 
 fn sensor(scene: &Scene, view: &View, map: Map) -> Value {
-    let earth = scene.site.georeference();
+    let georeference = scene.site.georeference();
+    let earth = georeference.as_ref();
     let origin = json!({"lng": earth.map_or(0.0, |e| e.lon_deg), "lat": earth.map_or(0.0, |e| e.lat_deg)});
     let corners = corners(view);
     let image: Vec<Value> = corners

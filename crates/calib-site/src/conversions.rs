@@ -5,14 +5,10 @@ use calib_core::camera::{
     Camera, Coefficient, Covariance, Distortion, DistortionModel, FloorPoint, ImageCircle, Lens, Pixel,
     PlanScale, Plane, WorldPoint,
 };
-use calib_core::floor::{
-    ControlPoint, Geographic, MarkShape, Placement, Surface, TangentPlane, default_efov, efov_on_floor,
-};
+use calib_core::floor::{ControlPoint, MarkShape, Placement, Surface, default_efov, efov_on_floor};
 use calib_core::single::{FixedParameters, PlanePrior, PrincipalPointPrior, Prior, Priors, SceneErrors};
 
-use crate::document::{
-    ControlPointEntry, FixedEntry, Georeference, Mark, PlacementEntry, Plan, Site, SiteCamera,
-};
+use crate::document::{ControlPointEntry, FixedEntry, Mark, PlacementEntry, Plan, Site, SiteCamera};
 use crate::principal_point::PrincipalPointEntry;
 use crate::scene::PlaneEntry;
 use crate::solution::{CovarianceEntry, DistortionEntry, Method, Sigmas, Solution, Stage};
@@ -97,18 +93,6 @@ impl Site {
         })
     }
 
-    /// Returns the georeference of the site, otherwise the georeference of its plan.
-    #[must_use]
-    pub fn georeference(&self) -> Option<&Georeference> {
-        self.georeference.as_ref().or_else(|| self.plan.as_ref()?.georeference.as_ref())
-    }
-
-    /// Returns the map from the site to geographic coordinates; `None` without a georeference.
-    #[must_use]
-    pub fn tangent_plane(&self) -> Option<TangentPlane> {
-        self.georeference().map(Georeference::tangent_plane)
-    }
-
     /// Returns the first entry with this id, independently of its validity period.
     pub(crate) fn first_entry(&self, id: &str) -> Option<&SiteCamera> {
         self.cameras.iter().find(|camera| camera.id == id)
@@ -148,6 +132,26 @@ impl From<Placement> for PlacementEntry {
 }
 
 impl ControlPointEntry {
+    /// Creates a control point at a raw pixel, without coordinates.
+    #[must_use]
+    pub const fn new(px: Pixel) -> Self {
+        Self {
+            id: None,
+            name: None,
+            off: false,
+            keep: false,
+            px,
+            world_m: None,
+            plan_px: None,
+            height_m: None,
+            lat_deg: None,
+            lon_deg: None,
+            alt_m: None,
+            sigma_px: None,
+            sigma_m: None,
+        }
+    }
+
     /// Returns the name of the control point in residuals: its id, otherwise its index in the list of the
     /// camera.
     #[must_use]
@@ -155,14 +159,21 @@ impl ControlPointEntry {
         self.id.clone().unwrap_or_else(|| index.to_string())
     }
 
-    /// Returns the control point with its world coordinates; `None` for a plan pixel without a plan.
+    /// Returns the control point with its world coordinates; `None` for a plan pixel without a plan, or for
+    /// geographic coordinates without a georeference.
     #[must_use]
-    pub fn control_point(&self, plan: Option<&Plan>) -> Option<ControlPoint> {
+    pub fn control_point(&self, site: &Site) -> Option<ControlPoint> {
+        let world = self.site_coordinates(site).or_else(|| self.world_of_geographic(site))?;
+        Some(ControlPoint { pixel: self.px, world })
+    }
+
+    /// Returns the world coordinates from `world_m` or from `plan_px`.
+    pub(crate) fn site_coordinates(&self, site: &Site) -> Option<WorldPoint> {
         let on_plan = || -> Option<WorldPoint> {
-            let floor = plan?.scale().floor_from_plan(self.plan_px?);
+            let floor = site.plan.as_ref()?.scale().floor_from_plan(self.plan_px?);
             Some(floor.at_height(self.height_m.unwrap_or(0.0)))
         };
-        Some(ControlPoint { pixel: self.px, world: self.world_m.or_else(on_plan)? })
+        self.world_m.or_else(on_plan)
     }
 }
 
@@ -358,19 +369,6 @@ impl SiteCamera {
             (_, Some(corners)) => efov_on_floor(&camera, corners).polygon,
             _ => default_efov(&camera, self.size()).polygon,
         }
-    }
-}
-
-impl Georeference {
-    /// Returns the map from the site to geographic coordinates.
-    #[must_use]
-    pub fn tangent_plane(&self) -> TangentPlane {
-        let origin = Geographic {
-            latitude: self.lat_deg.to_radians(),
-            longitude: self.lon_deg.to_radians(),
-            height: self.alt_m.unwrap_or(0.0),
-        };
-        TangentPlane::new(origin, self.x_axis_azimuth_deg.to_radians())
     }
 }
 

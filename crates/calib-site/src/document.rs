@@ -413,7 +413,8 @@ document! {
         turn: bool,
     }
 
-    /// Control point: an image point with known coordinates (`world_m`, or `plan_px` with `height_m`).
+    /// Control point: an image point with known coordinates (`world_m`, or `plan_px` with `height_m`, or
+    /// `lat_deg` and `lon_deg`).
     struct ControlPointEntry {
         /// Identifier of the control point, for references from other entries.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -436,9 +437,21 @@ document! {
         /// Plan pixel of the control point; its world coordinates follow from the scale of the plan.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         plan_px: Option<PlanPixel>,
-        /// Height above the floor of a point given by `plan_px`, in metres; 0 if absent.
+        /// Height above the floor of a point given by `plan_px`, or by `lat_deg` and `lon_deg`, in metres; 0 if
+        /// absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         height_m: Option<f64>,
+        /// WGS84 latitude of the control point, in degrees. Together with `world_m` or `plan_px`, it determines
+        /// the georeference of the site.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        lat_deg: Option<f64>,
+        /// WGS84 longitude of the control point, in degrees.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        lon_deg: Option<f64>,
+        /// Height of the control point above the WGS84 ellipsoid, in metres, instead of `height_m`. It is not the
+        /// height above sea level.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        alt_m: Option<f64>,
         /// Standard deviation of the pixel coordinates, in pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         sigma_px: Option<f64>,

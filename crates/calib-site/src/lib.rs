@@ -90,6 +90,7 @@ mod principal_point;
 mod survey_entries;
 mod document;
 mod nominal_focal;
+mod geographic;
 mod conversions;
 mod options;
 mod english;
@@ -138,7 +139,8 @@ pub use recovered::{ImageTransfer, NewImage, Recovered};
 pub use scene::{ExactScene, PlaneEntry, PlaneNumber, PlaneSolution, SceneEntry, SceneSigmas, TiltEntry};
 pub use site_error::{ErrorSubject, NamedAnnotation, SiteError, SiteErrorKind};
 pub use site_solution::{
-    CrossCovarianceEntry, ElementSolution, ObservationResidual, Overlap, Scale, SiteSolution,
+    CrossCovarianceEntry, ElementSolution, GeoreferenceSigmas, GeoreferenceSolution, ObservationResidual,
+    Overlap, Scale, SiteSolution,
 };
 pub use solution::{
     Alternative, CovarianceEntry, DistortionEntry, FailureEntry, Method, Sigmas, Solution, Stage,

@@ -108,7 +108,7 @@ impl Site {
         camera: usize,
         noise: f64,
     ) -> Option<Landmark> {
-        let at = point.control_point(self.plan.as_ref())?.world;
+        let at = point.control_point(self)?.world;
         let sigma = point.sigma_m.filter(|sigma| *sigma > 0.0);
         let pixel_sigma = point.sigma_px.unwrap_or(noise);
         let seen = Observation { sigma: pixel_sigma, ..Observation::new(camera, point.px) };

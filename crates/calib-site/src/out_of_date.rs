@@ -153,8 +153,7 @@ impl Site {
         let points = entry.control_points.iter().enumerate();
         let now: HashMap<String, (usize, Option<f64>)> = points
             .map(|(index, point)| {
-                let shown =
-                    point.control_point(self.plan.as_ref()).and_then(|p| camera.world_to_pixel(p.world));
+                let shown = point.control_point(self).and_then(|p| camera.world_to_pixel(p.world));
                 (point.label(index), (index, shown.map(|shown| shown.distance(point.px))))
             })
             .collect();

@@ -53,7 +53,9 @@ impl Report {
     #[must_use]
     pub fn write_into(&self, site: &Site) -> Site {
         let mut solved = site.clone();
-        solved.solution = (!self.site.is_empty()).then(|| self.site.clone());
+        let georeference = site.georeference_of_points();
+        let solution = SiteSolution { georeference, ..self.site.clone() };
+        solved.solution = (!solution.is_empty()).then_some(solution);
         for (link, found) in solved.links.iter_mut().zip(&self.links) {
             link.solution.clone_from(found);
         }

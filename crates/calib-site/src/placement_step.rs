@@ -29,8 +29,7 @@ impl Site {
         let points = entry.control_points.iter().enumerate();
         let points =
             points.filter(|(index, point)| !point.off && !suspects.contains(index)).map(|(_, point)| point);
-        let points =
-            without_duplicates(points.filter_map(|point| point.control_point(self.plan.as_ref())).collect());
+        let points = without_duplicates(points.filter_map(|point| point.control_point(self)).collect());
         let fixed_height = entry.height_m.filter(|height| height.fixed).map(|height| height.value);
         if !fixed && let Some(placed) = from_control_points(&first, &points, fixed_height) {
             scale_conflict(&first, placed.position.z, fixed_height.is_some(), findings);
@@ -98,7 +97,7 @@ impl Site {
     ) {
         let mut hidden = Vec::new();
         for (index, point) in entry.control_points.iter().enumerate() {
-            let shown = point.control_point(self.plan.as_ref()).and_then(|p| camera.world_to_pixel(p.world));
+            let shown = point.control_point(self).and_then(|p| camera.world_to_pixel(p.world));
             let Some(shown) = shown.filter(|shown| shown.is_finite()) else {
                 if !point.off {
                     hidden.push(index);

@@ -48,7 +48,7 @@ const MIN_POINTS: usize = 4;
 impl UsedPoints {
     pub(crate) fn new(site: &Site, entry: &SiteCamera) -> Self {
         let used = entry.control_points.iter().enumerate().filter(|(_, point)| !point.off);
-        let known = used.filter_map(|(index, point)| Some((index, point.control_point(site.plan.as_ref())?)));
+        let known = used.filter_map(|(index, point)| Some((index, point.control_point(site)?)));
         let (indices, points): (Vec<usize>, Vec<ControlPoint>) = known.unzip();
         let sigma = |&index: &usize| entry.control_points[index].sigma_m.unwrap_or(0.0);
         Self { position_sigmas: indices.iter().map(sigma).collect(), indices, points }

@@ -223,6 +223,7 @@ impl Site {
             loop_closure_m: bundle.loop_closure,
             overlaps: self.overlaps(bundle, solutions),
             cross_covariances: self.cross_covariances(bundle, solutions),
+            georeference: None,
             warnings: Vec::new(),
         };
         (solution, findings)

@@ -55,9 +55,39 @@ document! {
         /// only pairs that share observations.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         cross_covariances: Vec<CrossCovarianceEntry>,
+        /// Georeference that follows from control points with `lat_deg` and `lon_deg`; absent if the site has an
+        /// entered one.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        georeference: Option<GeoreferenceSolution>,
         /// Warnings about the site.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         warnings: Vec<Warning>,
+    }
+
+    /// Georeference that follows from control points: geographic position of world (0, 0) and direction of
+    /// world +x.
+    struct GeoreferenceSolution {
+        /// WGS84 latitude, in degrees.
+        lat_deg: f64,
+        /// WGS84 longitude, in degrees.
+        lon_deg: f64,
+        /// Azimuth of world +x, clockwise from north, in degrees.
+        x_axis_azimuth_deg: f64,
+        /// Height of the floor above the WGS84 ellipsoid, in metres, if it is known.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        alt_m: Option<f64>,
+        /// Standard deviations. They are zero if the control points define the coordinate system of the site.
+        sigma: GeoreferenceSigmas,
+    }
+
+    /// Standard deviations of a georeference.
+    struct GeoreferenceSigmas {
+        /// Standard deviation of the position toward east, in metres.
+        east_m: f64,
+        /// Standard deviation of the position toward north, in metres.
+        north_m: f64,
+        /// Standard deviation of the azimuth, in degrees.
+        azimuth_deg: f64,
     }
 
     /// Cross-covariance of the estimated parameters of two cameras.
@@ -102,12 +132,14 @@ impl SiteSolution {
     /// Whether the site has no results.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        let Self { components, scale, loop_closure_m, overlaps, cross_covariances, warnings } = self;
+        let Self { components, scale, loop_closure_m, overlaps, cross_covariances, georeference, warnings } =
+            self;
         components.is_empty()
             && scale.is_none()
             && loop_closure_m.is_none()
             && overlaps.is_empty()
             && cross_covariances.is_empty()
+            && georeference.is_none()
             && warnings.is_empty()
     }
 }

@@ -119,7 +119,6 @@ pub(crate) fn controls(app: &mut App, ui: &mut Ui) {
     if points.is_empty() {
         ui.label(RichText::new("C adds a point with known coordinates.").color(palette.text2));
     }
-    let plan = app.editor.session().site.plan.clone();
     let mut change = None;
     for (index, point) in points.iter().enumerate() {
         let name = point.label(index);
@@ -145,7 +144,7 @@ pub(crate) fn controls(app: &mut App, ui: &mut Ui) {
                 ui.label(text);
             });
         });
-        if selected && let Some(control) = point.control_point(plan.as_ref()) {
+        if selected && let Some(control) = point.control_point(&app.editor.session().site) {
             let mut world = control.world;
             ui.horizontal(|ui| {
                 for (title, value) in [("x", &mut world.x), ("y", &mut world.y), ("z", &mut world.z)] {
@@ -158,6 +157,7 @@ pub(crate) fn controls(app: &mut App, ui: &mut Ui) {
             });
             if world != control.world {
                 (new.world_m, new.plan_px, new.height_m) = (Some(world), None, None);
+                (new.lat_deg, new.lon_deg, new.alt_m) = (None, None, None);
             }
         }
         if changed {

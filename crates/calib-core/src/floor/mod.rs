@@ -20,7 +20,8 @@
 //! - `pixel_density`: **pixels per metre of a vertical target**, and the levels of IEC 62676-4.
 //! - `coverage`: visible floor, blind spots and walls of a group of cameras.
 //! - `ruler`: **lengths, areas and heights with their standard deviations**.
-//! - `tangent_plane`: geographic coordinates of the site.
+//! - `tangent_plane`: geographic coordinates of the site;
+//! - `georeference`: georeference from points with both coordinates.
 //! - `window`: **perspective and cylindrical views in any direction within a lens**.
 
 mod placement;
@@ -41,6 +42,7 @@ mod pixel_density;
 mod coverage;
 mod ruler;
 mod tangent_plane;
+mod georeference;
 mod window;
 
 pub use camera_view::CameraView;
@@ -48,6 +50,7 @@ pub use coverage::{AreaCoverage, Coverage, CoverageCamera, FloorGrid, Reach, Req
 pub use detection_box::BoxForm;
 pub use efov::{Efov, default_efov, efov_on_floor, efov_on_plane};
 pub use extent::{Extent, Status};
+pub use georeference::{GeographicPair, GeoreferenceFit};
 pub use image_curve::{FloorLine, annotated_line_curve, horizon, in_front, line_extension, on_image};
 pub use pixel_density::DensityLevel;
 pub use placement::{Placement, STAGE_1_HEIGHT};

@@ -28,15 +28,10 @@ impl Control {
         let name = id.clone().unwrap_or_default();
         entry.control_points.push(ControlPointEntry {
             id,
-            name: None,
-            off: false,
-            keep: false,
-            px,
             world_m,
-            height_m: None,
             plan_px,
             sigma_px,
-            sigma_m: None,
+            ..ControlPointEntry::new(px)
         });
         let part = Part::Control(entry.control_points.len() - 1);
         session.select_only(camera, part);
