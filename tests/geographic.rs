@@ -76,6 +76,23 @@ fn geographic_points_alone_solve_a_camera_on_the_map() {
 }
 
 #[test]
+fn switching_a_point_off_keeps_the_coordinate_system() {
+    let mut random = ChaCha8Rng::seed_from_u64(8);
+    for both in [false, true] {
+        let mut document = site(&mut random, 0.1, both);
+        let before = Site::from_json(&document.to_string()).unwrap().georeference().unwrap();
+        let count = document["cameras"][0]["control_points"].as_array().unwrap().len();
+        for index in 0..count {
+            document["cameras"][0]["control_points"][index]["off"] = json!(true);
+            let site = Site::from_json(&document.to_string()).unwrap();
+            let after = site.georeference().unwrap();
+            let tolerance = if both { 1e-4 } else { 0.0 };
+            assert!((after.lat_deg - before.lat_deg).abs() <= tolerance, "{index}: {after:?}");
+        }
+    }
+}
+
+#[test]
 fn points_with_both_coordinates_determine_the_georeference() {
     let mut random = ChaCha8Rng::seed_from_u64(4);
     let (mut outside, mut squares) = (0, [0.0; 3]);

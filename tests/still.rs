@@ -124,6 +124,10 @@ fn other_answers_are_explained() {
     assert!(say(&format!("http://{address}/nothing"), 1).contains("404"));
     assert!(say(&format!("http://{address}/loop"), 1).contains("redirects"));
     assert!(say("rtsp://127.0.0.1/1", 3).contains("ffmpeg"));
+    for secret in [format!("http://{address}/nothing?pwd=hidden"), "http://admin:hid/den@127.0.0.1/".into()] {
+        let run = scratch.calib(&["still", &secret, "-o", "a.png"]);
+        assert!(!run.stderr.contains("hidden") && !run.stderr.contains("hid/den"), "{}", run.stderr);
+    }
     let run = scratch.calib(&["still", &format!("http://{address}/"), "-o", "a.png", "--median", "5"]);
     assert!(run.expect_code(2).stderr.contains("video files"));
     assert!(!scratch.path("a.png").exists());

@@ -57,8 +57,8 @@ pub(crate) fn run(address: &str, args: &SnapshotArgs, output: &OutputArgs) -> Re
     };
     let uri: Uri = address.parse().map_err(|_| invalid(&address, "is not a complete address"))?;
     if !matches!(uri.scheme_str(), Some("http" | "https")) {
-        let what = "cannot be read here: only http and https can. Use the snapshot address of the camera (its manual \
-                    names it), or save one frame, for example with `ffmpeg -i ADDRESS -frames:v 1 still.png`";
+        let what = "is not an http or https address. Use the snapshot address of the camera (its manual names it), or \
+                    save one frame, for example with `ffmpeg -i ADDRESS -frames:v 1 still.png`";
         return Err(invalid(&address, what));
     }
     let bytes = fetch(uri, credentials.as_ref(), args)?;
@@ -74,7 +74,24 @@ pub(crate) fn run(address: &str, args: &SnapshotArgs, output: &OutputArgs) -> Re
 }
 
 fn invalid(address: &str, what: impl std::fmt::Display) -> CommandError {
-    CommandError::invalid(address, what)
+    CommandError::invalid(shown(address), what)
+}
+
+/// Returns the part of an address for messages: without the query, which may contain a password.
+fn shown(address: &str) -> String {
+    let end = address.find(['?', '#']).unwrap_or(address.len());
+    let (shown, cut) = address.split_at(end);
+    match () {
+        // A password with a slash looks like a path.
+        () if address.contains('@') => "the address".into(),
+        () if cut.is_empty() => shown.into(),
+        () => format!("{shown}?\u{2026}"),
+    }
+}
+
+/// Returns the failure of a request.
+fn failed(uri: &Uri, what: impl std::fmt::Display) -> CommandError {
+    CommandError::Failed(anyhow::anyhow!("{}: {what}", shown(&uri.to_string())))
 }
 
 /// Splits `user:password@` from an address.
@@ -142,37 +159,57 @@ fn fetch(
         .tls_config(tls)
         .build()
         .into();
-    let origin = [uri.scheme_str(), uri.host()].map(|part| part.unwrap_or_default().to_owned());
+    let first = uri.clone();
     for _ in 0..=MAX_REDIRECTS {
-        let is_same_host = [uri.scheme_str(), uri.host()].map(Option::unwrap_or_default) == origin;
+        let credentials = credentials.filter(|_| may_get_credentials(&first, &uri));
         let mut response = get(&agent, &uri, None)?;
         if response.status() == StatusCode::UNAUTHORIZED
-            && let Some(credentials) = credentials.filter(|_| is_same_host)
+            && let Some(credentials) = credentials
         {
             let header = authorization(&response, &uri, credentials)?;
             response = get(&agent, &uri, Some(&header))?;
         }
         let status = response.status();
         match status {
+            StatusCode::UNAUTHORIZED if !may_get_credentials(&first, &uri) => {
+                let what =
+                    "demands a name and a password, but another host redirects to it; enter this address";
+                return Err(failed(&uri, what));
+            }
             StatusCode::UNAUTHORIZED if credentials.is_none() => {
                 let what =
                     format!("demands a name and a password: set {USER} and {PASSWORD}, or use --credentials");
-                return Err(CommandError::Failed(anyhow::anyhow!("{uri} {what}")));
+                return Err(failed(&uri, what));
             }
             StatusCode::UNAUTHORIZED | StatusCode::FORBIDDEN => {
-                return Err(CommandError::Failed(anyhow::anyhow!(
-                    "{uri} refuses this name or password ({status})"
-                )));
+                return Err(failed(&uri, format!("refuses this name or password ({status})")));
             }
             _ if status.is_redirection() => uri = redirected(&uri, &response)?,
             _ if status.is_success() => {
+                if is_stream(&response) {
+                    return Err(failed(&uri, "is a video stream; use the snapshot address of the camera"));
+                }
                 let body = response.body_mut().with_config().limit(MAX_BYTES).read_to_vec();
-                return body.map_err(|error| CommandError::Failed(anyhow::anyhow!("{uri}: {error}")));
+                return body.map_err(|error| failed(&uri, error));
             }
-            _ => return Err(CommandError::Failed(anyhow::anyhow!("{uri} answers {status}"))),
+            _ => return Err(failed(&uri, format!("answers {status}"))),
         }
     }
-    Err(CommandError::Failed(anyhow::anyhow!("{uri}: more than {MAX_REDIRECTS} redirects")))
+    Err(failed(&uri, format!("more than {MAX_REDIRECTS} redirects")))
+}
+
+/// Whether credentials for an address may be sent to another one: to the same port of the same host, or to the
+/// same host by HTTPS.
+fn may_get_credentials(first: &Uri, uri: &Uri) -> bool {
+    let is_upgrade = first.scheme_str() == Some("http") && uri.scheme_str() == Some("https");
+    let is_same = first.scheme_str() == uri.scheme_str() && first.port_u16() == uri.port_u16();
+    first.host() == uri.host() && (is_same || is_upgrade)
+}
+
+/// Whether a response is an endless stream of images.
+fn is_stream(response: &Response<Body>) -> bool {
+    let kind = response.headers().get("Content-Type").and_then(|value| value.to_str().ok());
+    kind.is_some_and(|kind| kind.to_ascii_lowercase().starts_with("multipart/"))
 }
 
 fn get(agent: &Agent, uri: &Uri, authorization: Option<&str>) -> Result<Response<Body>, CommandError> {
@@ -180,7 +217,7 @@ fn get(agent: &Agent, uri: &Uri, authorization: Option<&str>) -> Result<Response
     if let Some(authorization) = authorization {
         request = request.header("Authorization", authorization);
     }
-    request.call().map_err(|error| CommandError::Failed(anyhow::anyhow!("{uri}: {error}")))
+    request.call().map_err(|error| failed(uri, error))
 }
 
 /// Returns the header `Authorization` for the challenge of a response: Digest if the camera offers it.
@@ -192,33 +229,33 @@ fn authorization(
     use base64::Engine as _;
     let challenges = response.headers().get_all("WWW-Authenticate");
     let challenges: Vec<&str> = challenges.iter().filter_map(|value| value.to_str().ok()).collect();
-    let digest = challenges.iter().find(|value| value.to_ascii_lowercase().starts_with("digest"));
+    // One header may offer both kinds.
+    let digest =
+        challenges.iter().find_map(|value| value.to_ascii_lowercase().find("digest ").map(|at| &value[at..]));
     let Some(digest) = digest else {
         let pair = base64::engine::general_purpose::STANDARD.encode(format!("{user}:{password}"));
         return Ok(format!("Basic {pair}"));
     };
     let path = uri.path_and_query().map_or("/", ureq::http::uri::PathAndQuery::as_str);
-    let failed = |error: digest_auth::Error| {
-        CommandError::Failed(anyhow::anyhow!("{uri}: its authentication is not understood: {error}"))
-    };
-    let mut prompt = digest_auth::parse(digest).map_err(failed)?;
-    let answer = prompt.respond(&AuthContext::new(user, password, path)).map_err(failed)?;
+    let unknown =
+        |error: digest_auth::Error| failed(uri, format!("its authentication is not understood: {error}"));
+    let mut prompt = digest_auth::parse(digest).map_err(unknown)?;
+    let answer = prompt.respond(&AuthContext::new(user, password, path)).map_err(unknown)?;
     Ok(answer.to_header_string())
 }
 
 /// Returns the address to which a response redirects.
 fn redirected(uri: &Uri, response: &Response<Body>) -> Result<Uri, CommandError> {
-    let failed =
-        || CommandError::Failed(anyhow::anyhow!("{uri} redirects to an address that is not understood"));
-    let target =
-        response.headers().get("Location").and_then(|value| value.to_str().ok()).ok_or_else(failed)?;
+    let unknown = || failed(uri, "redirects to an address that is not understood");
+    let target = response.headers().get("Location").and_then(|value| value.to_str().ok());
+    let target = target.ok_or_else(unknown)?;
     let authority = uri.authority().map_or("", ureq::http::uri::Authority::as_str);
     let absolute = match target.strip_prefix('/') {
         Some(path) => format!("{}://{authority}/{path}", uri.scheme_str().unwrap_or("http")),
-        None => target.into(),
+        None => without_credentials(target).0,
     };
-    let found: Uri = absolute.parse().map_err(|_| failed())?;
-    if matches!(found.scheme_str(), Some("http" | "https")) { Ok(found) } else { Err(failed()) }
+    let found: Uri = absolute.parse().map_err(|_| unknown())?;
+    if matches!(found.scheme_str(), Some("http" | "https")) { Ok(found) } else { Err(unknown()) }
 }
 
 #[cfg(test)]
@@ -232,6 +269,8 @@ mod tests {
         assert_eq!(address, "http://10.0.0.5:8080/snap?user=a@b");
         assert_eq!((&credentials.user[..], &credentials.password[..]), ("admin", "p@ss:1"));
         assert!(without_credentials("https://camera.local/a@b").1.is_none());
+        assert_eq!(shown("http://10.0.0.5/snap?password=x"), "http://10.0.0.5/snap?\u{2026}");
+        assert_eq!(shown("http://admin:p/ss@10.0.0.5/snap"), "the address");
         assert!(is_address("rtsp://10.0.0.5/1") && !is_address("C:/clips/a.mp4") && !is_address("a.mp4"));
     }
 }

@@ -1,6 +1,7 @@
 //! `calib still`: writes a still image from a video file, or a snapshot from the address of a camera.
 
 use std::fs::File;
+use std::io::BufReader;
 use std::path::Path;
 
 use calib_video::{Video, VideoError, is_video};
@@ -43,7 +44,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     let path = Path::new(&args.source);
     let invalid = |error: VideoError| CommandError::invalid(path.display(), error);
     let file = File::open(path).map_err(|error| invalid(error.into()))?;
-    let mut video = Video::open(file).map_err(|error| match error {
+    let mut video = Video::open(BufReader::new(file)).map_err(|error| match error {
         VideoError::NotVideo if is_image(path) => {
             let what = "is an image, expected a video; use the image itself as the still";
             CommandError::invalid(path.display(), what)
@@ -95,8 +96,7 @@ fn median(video: &mut Video, count: u16) -> Result<RgbImage, VideoError> {
     ));
     if found.busy_share > MAX_BUSY_SHARE {
         print_message(format_args!(
-            "calib: {:.1} % of the image is covered in a third of the frames or more, and may show parts of objects; \
-             use a longer video",
+            "calib: objects stand still in {:.1} % of the image, and may be visible; use a longer video",
             100.0 * found.busy_share
         ));
     }

@@ -14,7 +14,7 @@ use image::{Rgb, RgbImage};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::line_segment::{LineSegment, Rise, distance_to_segment};
-use crate::pull::{MAX_INLIER_DISTANCE_PX, MIN_COVERED_FRACTION, find_edge_along, robust_line};
+use crate::pull::{FoundEdge, MAX_INLIER_DISTANCE_PX, MIN_COVERED_FRACTION, find_edge_along, robust_line};
 
 /// Straight edge, by its ends in raw pixels.
 pub type Edge = [Pixel; 2];
@@ -113,7 +113,7 @@ fn measure(image: &RgbImage, edge: Edge) -> LineSegment {
     let independent = (found.covered_length / NOISE_LENGTH_PX).max(1.0);
     let sigma = SYSTEMATIC_SIGMA_PX.hypot(2.0 * found.rms / independent.sqrt());
     LineSegment {
-        rise: measure_rise(&found.samples, edge[0].distance(edge[1])),
+        rise: measure_rise(&found, edge[0].distance(edge[1])),
         ..LineSegment::new(found.ends, sigma)
     }
 }
@@ -123,7 +123,7 @@ fn measure(image: &RgbImage, edge: Edge) -> LineSegment {
 /// A parabola `t = a + b x + c x^2`, with `x` from the middle of the edge, is fitted robustly. Its rise is
 /// `-c / 4` if `x` is in units of the length. With `m` independent samples of the standard deviation `r`,
 /// evenly spaced over the length, `c` has the standard deviation `r sqrt(180 / m)`.
-fn measure_rise(samples: &[[f64; 2]], length: f64) -> Option<Rise> {
+fn measure_rise(FoundEdge { samples, searched, .. }: &FoundEdge, length: f64) -> Option<Rise> {
     /// Number of fits, each to the samples near the parabola before.
     const ROUNDS: usize = 4;
     let row = |[s, _]: &[f64; 2]| {
@@ -148,7 +148,7 @@ fn measure_rise(samples: &[[f64; 2]], length: f64) -> Option<Rise> {
     }
     let square: f64 = used.iter().map(|sample| (sample[1] - parabola.dot(&row(sample))).powi(2)).sum();
     let rms = (square / used.len() as f64).sqrt();
-    let covered = length * used.len() as f64 / samples.len() as f64;
+    let covered = length * used.len() as f64 / *searched as f64;
     let independent = (covered / NOISE_LENGTH_PX).max(1.0);
     Some(Rise { px: -0.25 * parabola[2], sigma: 0.25 * rms * (180.0 / independent).sqrt() })
 }

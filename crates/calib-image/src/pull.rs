@@ -47,6 +47,8 @@ pub(crate) struct FoundEdge {
     pub(crate) covered_length: f64,
     /// Samples `[s, t]` along and across the line before snapping, in pixels.
     pub(crate) samples: Vec<[f64; 2]>,
+    /// Number of places at which a sample was searched.
+    pub(crate) searched: usize,
 }
 
 /// Snaps a line, given by its ends in raw pixels, to the straight edge along it. Returns `None` if no edge is
@@ -96,6 +98,7 @@ pub(crate) fn find_edge_along(image: &RgbImage, [a, b]: [Pixel; 2]) -> Option<Fo
         rms: (square / inliers.len() as f64).sqrt(),
         covered_length: length * inliers.len() as f64 / (count + 1) as f64,
         samples: places,
+        searched: count + 1,
     })
 }
 

@@ -85,6 +85,11 @@ impl Site {
         check_planes(&root.key("planes"), &self.planes)?;
         let cameras = root.key("cameras");
         count(&cameras, self.cameras.len(), MAX_CAMERAS)?;
+        let geographic = self.geographic_points().count();
+        if geographic > MAX_GEOGRAPHIC_POINTS {
+            let found = format!("{geographic} control points with \"lat_deg\"");
+            return cameras.expected(found, format!("at most {MAX_GEOGRAPHIC_POINTS}"));
+        }
         for (i, camera) in self.cameras.iter().enumerate() {
             check_camera(&cameras.index(i), camera, self)?;
         }
@@ -412,6 +417,9 @@ fn check_right_angle_references(at: &At, annotations: &[Annotation]) -> Checked 
     Ok(())
 }
 
+/// Largest number of control points with geographic coordinates. Each is compared with all others.
+const MAX_GEOGRAPHIC_POINTS: usize = 2_000;
+
 /// Checks the geographic coordinates of a control point.
 fn check_geographic(at: &At, point: &ControlPointEntry, site: &Site) -> Checked {
     let has_site_coordinates = point.world_m.is_some() || point.plan_px.is_some();
@@ -470,9 +478,18 @@ fn check_distance(at: &At, [lat_deg, lon_deg]: [f64; 2], site: &Site) -> Checked
         return Ok(());
     }
     let others = [
-        (distance(lon_deg, lat_deg), "a point near the site; latitude and longitude seem to be exchanged"),
-        (distance(lat_deg, -lon_deg), "a point near the site; the longitude seems to have the wrong sign"),
-        (distance(-lat_deg, lon_deg), "a point near the site; the latitude seems to have the wrong sign"),
+        (
+            distance(lon_deg, lat_deg),
+            "a point near the first point; latitude and longitude seem to be exchanged, here or in the first point",
+        ),
+        (
+            distance(lat_deg, -lon_deg),
+            "a point near the first point; the longitude seems to have the wrong sign, here or in the first point",
+        ),
+        (
+            distance(-lat_deg, lon_deg),
+            "a point near the first point; the latitude seems to have the wrong sign, here or in the first point",
+        ),
     ];
     let cause = others.iter().find(|(other, _)| *other <= MAX_DISTANCE_M).map(|(_, cause)| *cause);
     let found = format!("a point {:.0} km from the site", own / 1e3);
@@ -501,8 +518,8 @@ fn check_control_point(at: &At, point: &ControlPointEntry, site: &Site) -> Check
     if point.world_m.is_some() && point.plan_px.is_some() {
         return at.expected("both \"world_m\" and \"plan_px\"", "only one of them");
     }
-    check_geographic(at, point, site)?;
     optional(&at.key("height_m"), point.height_m, Bounds::COORDINATE)?;
     optional(&at.key("sigma_px"), point.sigma_px, Bounds::POSITIVE)?;
-    optional(&at.key("sigma_m"), point.sigma_m, Bounds::POSITIVE)
+    optional(&at.key("sigma_m"), point.sigma_m, Bounds::POSITIVE)?;
+    check_geographic(at, point, site)
 }

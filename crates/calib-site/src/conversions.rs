@@ -167,6 +167,13 @@ impl ControlPointEntry {
         Some(ControlPoint { pixel: self.px, world })
     }
 
+    /// Returns the standard deviation of the world coordinates, in metres; 0 if they are exact. Beside site
+    /// coordinates, `sigma_m` belongs to the geographic coordinates.
+    pub(crate) fn position_sigma(&self) -> f64 {
+        let has_both = self.lat_deg.is_some() && (self.world_m.is_some() || self.plan_px.is_some());
+        self.sigma_m.filter(|_| !has_both).unwrap_or(0.0)
+    }
+
     /// Returns the world coordinates from `world_m` or from `plan_px`.
     pub(crate) fn site_coordinates(&self, site: &Site) -> Option<WorldPoint> {
         let on_plan = || -> Option<WorldPoint> {

@@ -82,10 +82,11 @@ impl Site {
         self.georeference.as_ref().or_else(|| self.plan.as_ref()?.georeference.as_ref())
     }
 
-    /// Returns the control points with geographic coordinates that are switched on.
-    fn geographic_points(&self) -> impl Iterator<Item = (&ControlPointEntry, Geographic)> {
+    /// Returns the control points with geographic coordinates. Points that are switched off count, so that
+    /// switching a point off does not move the coordinate system.
+    pub(crate) fn geographic_points(&self) -> impl Iterator<Item = (&ControlPointEntry, Geographic)> {
         let points = self.cameras.iter().flat_map(|camera| &camera.control_points);
-        points.filter(|point| !point.off).filter_map(|point| Some((point, point.geographic()?)))
+        points.filter_map(|point| Some((point, point.geographic()?)))
     }
 
     /// Returns the georeference that follows from the control points; `None` if it is entered, or undetermined.
@@ -98,7 +99,9 @@ impl Site {
             let world = point.site_coordinates(self)?.on_floor();
             Some(GeographicPair { world, geographic, sigma: point.sigma_m? })
         };
-        let pairs: Vec<GeographicPair> = self.geographic_points().filter_map(pair).collect();
+        let used: Vec<GeographicPair> =
+            self.geographic_points().filter(|(point, _)| !point.off).filter_map(pair).collect();
+        let pairs = if used.len() > 1 { used } else { self.geographic_points().filter_map(pair).collect() };
         if !pairs.is_empty() {
             let GeoreferenceFit { origin, x_axis_azimuth, sigmas: [east_m, north_m, azimuth] } =
                 GeoreferenceFit::new(&pairs)?;

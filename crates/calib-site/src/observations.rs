@@ -109,7 +109,7 @@ impl Site {
         noise: f64,
     ) -> Option<Landmark> {
         let at = point.control_point(self)?.world;
-        let sigma = point.sigma_m.filter(|sigma| *sigma > 0.0);
+        let sigma = Some(point.position_sigma()).filter(|sigma| *sigma > 0.0);
         let pixel_sigma = point.sigma_px.unwrap_or(noise);
         let seen = Observation { sigma: pixel_sigma, ..Observation::new(camera, point.px) };
         Some(Landmark { keep: point.keep, off: point.off, ..Landmark::measured(at, sigma, vec![seen]) })

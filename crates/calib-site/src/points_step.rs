@@ -50,7 +50,7 @@ impl UsedPoints {
         let used = entry.control_points.iter().enumerate().filter(|(_, point)| !point.off);
         let known = used.filter_map(|(index, point)| Some((index, point.control_point(site)?)));
         let (indices, points): (Vec<usize>, Vec<ControlPoint>) = known.unzip();
-        let sigma = |&index: &usize| entry.control_points[index].sigma_m.unwrap_or(0.0);
+        let sigma = |&index: &usize| entry.control_points[index].position_sigma();
         Self { position_sigmas: indices.iter().map(sigma).collect(), indices, points }
     }
 

@@ -7,6 +7,8 @@ use crate::stream::{Codec, MAX_FRAMES, Packet, Source, Stream, length};
 
 /// Largest number of chunks of a file.
 const MAX_CHUNKS: usize = 30_000_000;
+/// Number of bytes at the start of a packet that tell whether it is a key frame.
+const KEY_BYTES: u64 = 512;
 /// Largest depth of lists.
 const MAX_DEPTH: usize = 6;
 
@@ -25,12 +27,15 @@ pub(crate) fn read(source: &mut dyn Source) -> Result<Stream, VideoError> {
         }
     };
     let frame_s = if walk.frame_s > 0.0 { walk.frame_s } else { 0.04 };
-    let packet = |(index, bytes): (usize, [u64; 2])| Packet {
-        time_s: index as f64 * frame_s,
-        is_key: codec == Codec::MotionJpeg || index == 0,
-        bytes,
-    };
-    let packets = walk.packets.into_iter().enumerate().map(packet).collect();
+    let mut packets = Vec::new();
+    for (index, bytes) in walk.packets.into_iter().enumerate() {
+        // An empty chunk repeats the frame before it.
+        if bytes[1] > 0 {
+            let beginning = Packet { time_s: 0.0, is_key: false, bytes: [bytes[0], bytes[1].min(KEY_BYTES)] };
+            let is_key = codec == Codec::MotionJpeg || codec.is_key(&beginning.read(walk.source)?);
+            packets.push(Packet { time_s: index as f64 * frame_s, is_key, bytes });
+        }
+    }
     Stream { codec, packets, quarter_turns: 0, pixel_width_by_height: 1.0 }.checked()
 }
 
@@ -70,7 +75,7 @@ impl Walk<'_> {
             match &header[..4] {
                 b"RIFF" | b"LIST" if at + 12 <= end => self.chunks_between([at + 12, until], depth + 1)?,
                 b"strh" => self.stream_header(at + 8)?,
-                name if self.is_packet(name) && size > 0 && until - at - 8 == size => {
+                name if self.is_packet(name) && until - at - 8 == size => {
                     self.packets.push([at + 8, size]);
                 }
                 _ => {}

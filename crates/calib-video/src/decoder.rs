@@ -56,15 +56,24 @@ fn h264(record: Option<&[u8]>, packets: &[Vec<u8>], show: &mut Show<'_>) -> Resu
     };
     let parameters = config.iter().flat_map(|config| config.sps_nals.iter().chain(&config.pps_nals));
     for unit in parameters {
+        check_size(unit)?;
         show_all(decoder.decode_nal(unit).unwrap_or_default())?;
     }
     for packet in packets {
         let units: Vec<NalUnit<'_>> = units(packet);
         for unit in &units {
+            check_size(unit)?;
             show_all(decoder.decode_nal(unit).unwrap_or_default())?;
         }
     }
     show_all(decoder.flush())
+}
+
+/// Checks the size of the frames in a parameter set, before the decoder allocates them.
+fn check_size(unit: &rust_h264::nal::NalUnit<'_>) -> Result<(), VideoError> {
+    let Ok(info) = rust_h264::nal::parse_sps_info(unit) else { return Ok(()) };
+    let [w, h] = [info.coded_width, info.coded_height];
+    if u64::from(w) * u64::from(h) > MAX_PIXELS { Err(VideoError::TooLarge([w, h])) } else { Ok(()) }
 }
 
 fn h265(record: Option<&[u8]>, packets: &[Vec<u8>], show: &mut Show<'_>) -> Result<(), VideoError> {

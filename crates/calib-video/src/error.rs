@@ -17,6 +17,8 @@ pub enum VideoError {
     NoVideoTrack,
     /// Frame that exceeds the memory limit: width and height, in pixels.
     TooLarge([u32; 2]),
+    /// Frames that need more memory than the limit.
+    Memory,
     /// File with too many frames.
     TooManyFrames,
     /// No frame could be decoded.
@@ -48,8 +50,11 @@ impl fmt::Display for VideoError {
             ),
             Self::NoVideoTrack => f.write_str("has no video track"),
             Self::TooLarge([w, h]) => write!(f, "has frames of {w} x {h} pixels, more than 64 megapixels"),
+            Self::Memory => f.write_str(
+                "needs more than 2 GB of memory at once; use fewer frames (a smaller --median), or a video with more key frames",
+            ),
             Self::TooManyFrames => f.write_str("has more than 10 million frames; cut a shorter clip"),
-            Self::NoFrames => f.write_str("has no frame that can be decoded; its first key frame may be missing"),
+            Self::NoFrames => f.write_str("has no frame that can be decoded at this time; choose another time"),
             Self::OutsideVideo { time_s, duration_s } => {
                 write!(f, "lasts {duration_s:.2} s, and has no frame at {time_s:.2} s; choose an earlier time")
             }

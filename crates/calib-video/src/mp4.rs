@@ -25,7 +25,7 @@ const MAX_TABLE_BYTES: u64 = 1 << 28;
 /// Reads the first video stream.
 pub(crate) fn read(source: &mut dyn Source) -> Result<Stream, VideoError> {
     let size = length(source)?;
-    let mut walk = Walk { source: &mut *source, boxes: 0, pixel_width_by_height: 1.0 };
+    let mut walk = Walk { source: &mut *source, boxes: 0, frames: 0, pixel_width_by_height: 1.0 };
     walk.boxes_between([0, size], 0)?;
     let pixel_width_by_height = walk.pixel_width_by_height;
     source.rewind()?;
@@ -69,6 +69,8 @@ struct Walk<'a> {
     source: &'a mut dyn Source,
     /// Number of boxes so far.
     boxes: usize,
+    /// Number of frames of all tables so far.
+    frames: usize,
     /// Aspect of the box `pasp`: width of a pixel divided by its height.
     pixel_width_by_height: f64,
 }
@@ -125,10 +127,16 @@ impl Walk<'_> {
                 Ok(())
             }
             // Both boxes have a version and one or no number before the count of frames.
-            b"stsz" if self.number_at(body + 8)? as usize > MAX_FRAMES => Err(VideoError::TooManyFrames),
-            b"trun" if self.number_at(body + 4)? as usize > MAX_FRAMES => Err(VideoError::TooManyFrames),
+            b"stsz" => self.count_frames(body + 8),
+            b"trun" => self.count_frames(body + 4),
             _ => Ok(()),
         }
+    }
+
+    /// Adds the number of frames at a position of the file.
+    fn count_frames(&mut self, at: u64) -> Result<(), VideoError> {
+        self.frames += self.number_at(at)? as usize;
+        if self.frames > MAX_FRAMES { Err(VideoError::TooManyFrames) } else { Ok(()) }
     }
 
     fn number_at(&mut self, at: u64) -> Result<u32, VideoError> {

@@ -25,6 +25,48 @@ pub(crate) enum Codec {
     MotionJpeg,
 }
 
+impl Codec {
+    /// Whether a packet starts with a frame that needs no other frame, from the types of its units.
+    pub(crate) fn is_key(&self, packet: &[u8]) -> bool {
+        let (record, size_at) = match self {
+            Self::MotionJpeg => return true,
+            Self::H264(record) => (record, 4),
+            Self::H265(record) => (record, 21),
+        };
+        // Number of bytes of a length before each unit; without a record, units have start codes.
+        let length_size = record.as_ref().map(|record| record.get(size_at).map_or(4, |byte| (byte & 3) + 1));
+        let mut rest = packet;
+        while let Some(unit) = next_unit(&mut rest, length_size) {
+            let is_key = match self {
+                // Parameter sets, and frames of the type IDR.
+                Self::H264(_) => matches!(unit & 31, 5 | 7),
+                _ => matches!(unit >> 1 & 63, 16..=21 | 32..=34),
+            };
+            if is_key {
+                return true;
+            }
+        }
+        false
+    }
+}
+
+/// Returns the first byte of the next unit, and moves behind it.
+fn next_unit(rest: &mut &[u8], length_size: Option<u8>) -> Option<u8> {
+    match length_size.map(usize::from) {
+        Some(size) => {
+            let length = rest.get(..size)?.iter().fold(0_usize, |sum, &byte| sum << 8 | usize::from(byte));
+            let first = *rest.get(size)?;
+            *rest = rest.get(size + length.max(1)..).unwrap_or_default();
+            Some(first)
+        }
+        None => {
+            let at = rest.windows(3).position(|three| three == [0, 0, 1])?;
+            *rest = rest.get(at + 3..)?;
+            rest.first().copied()
+        }
+    }
+}
+
 /// Compressed frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Packet {

@@ -44,6 +44,18 @@ pub struct Median {
     pub busy_share: f64,
 }
 
+/// Largest memory of the packets or images that are held at once, in bytes.
+const MAX_BYTES: u64 = 2 << 30;
+
+/// Frames to decode from a group of packets.
+struct Request {
+    packets: Vec<Packet>,
+    /// Times at which the frames of the group are shown, ascending.
+    shown: Vec<f64>,
+    /// Numbers of the frames in display order, ascending.
+    numbers: Vec<usize>,
+}
+
 /// Packets from a key frame to the next one.
 ///
 /// Frames that follow a key frame in the file can be shown before it. Some of them need the frames of the group
@@ -171,23 +183,62 @@ impl Video {
         times_s: &[f64],
         progress: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Vec<(f64, RgbImage)>, VideoError> {
-        let mut found = Vec::new();
-        let (mut asked, mut last_error) = (0, VideoError::NoFrames);
-        for group in self.groups() {
-            let until = asked + times_s[asked..].iter().take_while(|time| **time < group.end_s).count();
-            if until == asked {
-                continue;
+        let requests = self.requests(times_s);
+        // This container is read in one pass.
+        let mut whole = match self.container {
+            Container::Matroska => {
+                let packets: Vec<Packet> =
+                    requests.iter().flat_map(|request| request.packets.iter().copied()).collect();
+                check_memory(&packets)?;
+                let source = self.source.as_mut();
+                without_panic(|| matroska::read_packets(source, &packets))?
             }
-            match self.frames_of(&group.packets, &times_s[asked..until]) {
-                Ok(frames) => found.extend(frames),
+            _ => Vec::new(),
+        }
+        .into_iter();
+        let (mut found, mut last_error) = (Vec::new(), VideoError::NoFrames);
+        for (index, request) in requests.iter().enumerate() {
+            let data = match self.container {
+                Container::Matroska => whole.by_ref().take(request.packets.len()).collect(),
+                _ => self.read_packets(&request.packets)?,
+            };
+            match self.frames_of(request, &data, &mut found) {
+                Err(error @ VideoError::Memory) => return Err(error),
                 Err(error) => last_error = error,
+                Ok(()) => {}
             }
-            asked = until;
-            if !progress(asked as f64 / times_s.len() as f64) {
+            if !progress((index + 1) as f64 / requests.len() as f64) {
                 return Err(VideoError::Cancelled);
             }
         }
         if found.is_empty() { Err(last_error) } else { Ok(found) }
+    }
+
+    /// Returns what to decode for the frames that are shown at these times, in ascending order.
+    fn requests(&self, times_s: &[f64]) -> Vec<Request> {
+        let (mut requests, mut asked) = (Vec::new(), 0);
+        for Group { mut packets, end_s } in self.groups() {
+            let until = asked + times_s[asked..].iter().take_while(|time| **time < end_s).count();
+            let shown = shown_times(&packets);
+            let number = |time: &f64| shown.partition_point(|start| *start <= time + 1e-9).saturating_sub(1);
+            let mut numbers: Vec<usize> = times_s[asked..until].iter().map(number).collect();
+            numbers.dedup();
+            asked = until;
+            if numbers == [0] {
+                // The first frame is a key frame, which needs no other frame.
+                packets.truncate(1);
+            }
+            if !numbers.is_empty() {
+                requests.push(Request { packets, shown, numbers });
+            }
+        }
+        requests
+    }
+
+    /// Reads the data of packets by their positions.
+    fn read_packets(&mut self, packets: &[Packet]) -> Result<Vec<Vec<u8>>, VideoError> {
+        check_memory(packets)?;
+        packets.iter().map(|packet| packet.read(self.source.as_mut())).collect()
     }
 
     /// Returns the groups of packets: each starts with a key frame.
@@ -205,31 +256,37 @@ impl Video {
         (0..runs.len()).map(group).collect()
     }
 
-    /// Returns the frames of a group that are shown at these times.
-    fn frames_of(&mut self, group: &[Packet], times_s: &[f64]) -> Result<Vec<(f64, RgbImage)>, VideoError> {
-        let shown = shown_times(group);
-        let number = |time: &f64| shown.partition_point(|start| *start <= time + 1e-9).saturating_sub(1);
-        let mut numbers: Vec<usize> = times_s.iter().map(number).collect();
-        numbers.dedup();
-        // The first frame is a key frame, which needs no other frame.
-        let group = if numbers == [0] { &group[..1] } else { group };
-        let source = self.source.as_mut();
-        let data = match self.container {
-            Container::Matroska => without_panic(|| matroska::read_packets(source, group))?,
-            _ => group.iter().map(|packet| packet.read(source)).collect::<Result<Vec<_>, _>>()?,
-        };
-        let turns = self.stream.quarter_turns;
-        let mut found = Vec::new();
-        without_panic(|| {
-            decoder::decode(&self.stream.codec, &data, &mut |index, image| {
+    /// Decodes the frames of a request. Decoding stops after the last one.
+    fn frames_of(
+        &self,
+        Request { shown, numbers, .. }: &Request,
+        data: &[Vec<u8>],
+        found: &mut Vec<(f64, RgbImage)>,
+    ) -> Result<(), VideoError> {
+        let (turns, last) = (self.stream.quarter_turns, numbers.last().copied().unwrap_or(0));
+        let result = without_panic(|| {
+            decoder::decode(&self.stream.codec, data, &mut |index, image| {
                 if numbers.contains(&index) {
-                    found.push((shown[index.min(shown.len() - 1)], turned(image()?, turns)));
+                    let image = turned(image()?, turns);
+                    if (found.len() + 1) as u64 * image.as_raw().len() as u64 > MAX_BYTES {
+                        return Err(VideoError::Memory);
+                    }
+                    found.push((shown[index.min(shown.len() - 1)], image));
                 }
-                Ok(())
+                if index >= last { Err(VideoError::Cancelled) } else { Ok(()) }
             })
-        })?;
-        Ok(found)
+        });
+        match result {
+            Err(VideoError::Cancelled) => Ok(()),
+            other => other,
+        }
     }
+}
+
+/// Checks that packets fit in memory.
+fn check_memory(packets: &[Packet]) -> Result<(), VideoError> {
+    let total: u64 = packets.iter().map(|packet| packet.bytes[1]).sum();
+    if total > MAX_BYTES { Err(VideoError::Memory) } else { Ok(()) }
 }
 
 /// Returns the times at which the frames of a group are shown, ascending.

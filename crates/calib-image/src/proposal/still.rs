@@ -145,7 +145,7 @@ impl fmt::Display for Reason {
             ),
             Self::Bars { bars } => write!(
                 f,
-                "the image has black bars ({bars}), and the principal point was assumed near the centre of the picture between them; use an image without bars"
+                "the image has black bars ({bars}), so the principal point is not near the image centre; use an image without bars"
             ),
             Self::MayBeUpsideDown { pitch_deg } => write!(
                 f,
@@ -326,7 +326,7 @@ impl AutomaticCalibration {
         let scatter = Scatter::new(best, &grouping.others());
         let own = own_focal_sigma(&camera, &solution);
         let sigma = own.hypot(scatter.sigma).hypot(grouping.lens_sigma);
-        let unusual = CameraPrior::from_width(f64::from(image.size[0])).z_score(&best.camera);
+        let unusual = CameraPrior::from_width(image.picture_width()).z_score(&best.camera);
         let alternative = proposal.set_confidence([sigma, own, unusual], &scatter, &solution);
         proposal.alternative = alternative
             .map(|other| Alternative { orientation: other.camera, groups: grouping.groups_of(other) });
@@ -472,6 +472,11 @@ impl EdgeImage {
         self.pixel_doubt().into_iter().chain(bars).collect()
     }
 
+    /// Returns the width of the picture between the bars, in pixels.
+    fn picture_width(&self) -> f64 {
+        f64::from(self.bars.picture_size(self.size)[0])
+    }
+
     /// Returns the width and height, in pixels.
     fn sides(&self) -> [f64; 2] {
         self.size.map(f64::from)
@@ -492,8 +497,8 @@ impl EdgeImage {
             None => LensEstimate::from_rises(&self.segments, self.pinhole(), self.sides()),
         };
         let lines = self.lines(&lens);
-        let prior = CameraPrior::from_width(f64::from(self.size[0]));
-        let found = hypotheses(&lines, f64::from(self.size[0]), &prior);
+        let prior = CameraPrior::from_width(self.picture_width());
+        let found = hypotheses(&lines, self.picture_width(), &prior);
         let mut mixtures: Vec<Mixture> =
             found.iter().flat_map(|hypothesis| variants(&lines, hypothesis, &prior)).collect();
         mixtures.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
@@ -506,7 +511,7 @@ impl EdgeImage {
 
     /// Returns the change of the log focal length of a mixture under another lens.
     fn log_focal_change(&self, best: &Mixture, lens: &Lens) -> f64 {
-        let prior = CameraPrior::from_width(f64::from(self.size[0]));
+        let prior = CameraPrior::from_width(self.picture_width());
         let start = (best.camera, best.azimuths.clone(), best.right_angles.clone());
         let other = Mixture::fit(&self.lines(lens), start, &prior);
         other.map_or(UNKNOWN_FOCAL_SIGMA, |other| (other.camera.focal / best.camera.focal).ln())
