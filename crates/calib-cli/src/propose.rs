@@ -9,7 +9,7 @@ use anyhow::Context as _;
 use calib_core::{Annotation, ImageCircle};
 use calib_image::{AutomaticCalibration, Bars, Confidence, EdgeImage, Group, image_circle, line_segments};
 use calib_report::{is_lens_estimated, overlay, shortened_list, straight_down_text};
-use calib_site::{Options, PrincipalPointEntry, Site, SiteCamera};
+use calib_site::{Options, Site, SiteCamera};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -128,10 +128,9 @@ fn calibrate_image(path: PathBuf, accept: Accept) -> Result<ImageCalibration, Co
     let image = site_file::read_image(&path)?;
     let size = [image.width(), image.height()];
     let image_circle = image_circle(&image);
-    let principal_point = image_circle.map(|circle| PrincipalPointEntry::known(circle.centre()));
     let bars = Bars::find(&image);
     let still = EdgeImage::new(line_segments(&image), size).with_bars(bars);
-    let proposal = AutomaticCalibration::new(&EdgeImage { principal_point, image_circle, ..still });
+    let proposal = AutomaticCalibration::new(&EdgeImage { image_circle, ..still });
     let is_accepted = accept.accepts(&proposal);
     Ok(ImageCalibration { path, size, image_circle, bars, calibration: proposal, is_accepted })
 }

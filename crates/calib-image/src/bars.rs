@@ -6,6 +6,8 @@
 use calib_core::Pixel;
 use image::RgbImage;
 
+use crate::edges::pixel_brightness;
+
 /// Widths of the bars of an image, in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Bars {
@@ -42,10 +44,7 @@ impl Bars {
     #[must_use]
     pub fn find(image: &RgbImage) -> Self {
         let (w, h) = image.dimensions();
-        let grey = |x: u32, y: u32| {
-            let [r, g, b] = image.get_pixel(x, y).0.map(u32::from);
-            ((299 * r + 587 * g + 114 * b) / 1000) as u8
-        };
+        let grey = |x: u32, y: u32| pixel_brightness(image.get_pixel(x, y));
         Self {
             left: bar_width(w, h, grey),
             right: bar_width(w, h, |i, j| grey(w - 1 - i, j)),

@@ -27,11 +27,13 @@ const END_FRACTION: f64 = 0.15;
 
 /// Converts an image to brightness, one byte a pixel, row by row.
 fn grey(image: &RgbImage) -> Vec<u8> {
-    let brightness = |pixel: &Rgb<u8>| {
-        let [r, g, b] = pixel.0.map(u32::from);
-        ((299 * r + 587 * g + 114 * b) / 1000) as u8
-    };
-    image.pixels().map(brightness).collect()
+    image.pixels().map(pixel_brightness).collect()
+}
+
+/// Returns the brightness of a pixel, 0 to 255.
+pub(crate) fn pixel_brightness(pixel: &Rgb<u8>) -> u8 {
+    let [r, g, b] = pixel.0.map(u32::from);
+    ((299 * r + 587 * g + 114 * b) / 1000) as u8
 }
 
 /// Detects the straight edges of an image (Grompone von Gioi et al. 2012), the longest first.

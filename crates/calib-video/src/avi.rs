@@ -1,13 +1,11 @@
 //! Streams of AVI files: the list `hdrl` describes the streams, and the lists `movi` contain their packets.
 
-use std::io::SeekFrom;
-
 use crate::error::VideoError;
-use crate::stream::{Codec, MAX_FRAMES, Packet, Source, Stream, length};
+use crate::stream::{Codec, MAX_FRAMES, Packet, Source, Stream, bytes_at, length};
 
 /// Largest number of chunks of a file.
 const MAX_CHUNKS: usize = 30_000_000;
-/// Number of bytes at the start of a packet that tell whether it is a key frame.
+/// Number of bytes of a packet that are searched for the types of its units.
 const KEY_BYTES: u64 = 512;
 /// Largest depth of lists.
 const MAX_DEPTH: usize = 6;
@@ -69,7 +67,7 @@ impl Walk<'_> {
             if self.chunks > MAX_CHUNKS || depth > MAX_DEPTH || self.packets.len() > MAX_FRAMES {
                 return Err(VideoError::TooManyFrames);
             }
-            let header: [u8; 8] = self.bytes_at(at)?;
+            let header: [u8; 8] = bytes_at(self.source, at)?;
             let size = u64::from(u32::from_le_bytes([header[4], header[5], header[6], header[7]]));
             let until = (at + 8 + size).min(end);
             match &header[..4] {
@@ -87,7 +85,7 @@ impl Walk<'_> {
 
     /// Reads the header of a stream: its type, its codec, and the duration of a frame as a fraction.
     fn stream_header(&mut self, at: u64) -> Result<(), VideoError> {
-        let header: [u8; 28] = self.bytes_at(at)?;
+        let header: [u8; 28] = bytes_at(self.source, at)?;
         let text = |k: usize| [header[k], header[k + 1], header[k + 2], header[k + 3]];
         let index = self.streams;
         self.streams += 1;
@@ -104,14 +102,5 @@ impl Walk<'_> {
         let Some(Video { index, .. }) = &self.video else { return false };
         let number = format!("{index:02}");
         name.starts_with(number.as_bytes()) && matches!(&name[2..], b"dc" | b"db")
-    }
-
-    fn bytes_at<const N: usize>(&mut self, at: u64) -> Result<[u8; N], VideoError> {
-        let mut bytes = [0; N];
-        self.source.seek(SeekFrom::Start(at))?;
-        self.source
-            .read_exact(&mut bytes)
-            .map_err(|_| VideoError::Broken("it ends inside a chunk".into()))?;
-        Ok(bytes)
     }
 }

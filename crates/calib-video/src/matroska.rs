@@ -1,7 +1,7 @@
 //! Streams of Matroska and `WebM` files.
 //!
 //! The library returns the data of a frame, and not its position. Therefore the packets of this container are
-//! counted from the start of the file, and read in order.
+//! counted from the start of the file, and read in one pass.
 
 use std::collections::BTreeMap;
 
@@ -35,7 +35,7 @@ pub(crate) fn read(source: &mut dyn Source) -> Result<Stream, VideoError> {
     let (mut packets, mut frame, mut index) = (Vec::new(), Frame::default(), 0);
     while file.next_frame(&mut frame).map_err(broken)? {
         if frame.track == number {
-            // Block groups do not tell which frames are key frames.
+            // Block groups have no mark for key frames.
             let is_key = frame.is_keyframe.unwrap_or_else(|| codec.is_key(&frame.data));
             let time_s = frame.timestamp as f64 * seconds;
             packets.push(Packet { time_s, is_key, bytes: [index, frame.data.len() as u64] });
@@ -48,22 +48,24 @@ pub(crate) fn read(source: &mut dyn Source) -> Result<Stream, VideoError> {
     Stream { codec, packets, quarter_turns: 0, pixel_width_by_height }.checked()
 }
 
-/// Reads the data of packets in one pass; the data of a missing packet is empty.
-pub(crate) fn read_packets(source: &mut dyn Source, packets: &[Packet]) -> Result<Vec<Vec<u8>>, VideoError> {
+/// Reads the data of packets in one pass, by their positions.
+pub(crate) fn read_packets(
+    source: &mut dyn Source,
+    packets: &[Packet],
+) -> Result<BTreeMap<u64, Vec<u8>>, VideoError> {
     source.rewind()?;
     let mut file = MatroskaFile::open(source).map_err(broken)?;
-    let mut data: BTreeMap<u64, Option<Vec<u8>>> =
-        packets.iter().map(|packet| (packet.bytes[0], None)).collect();
+    let mut data: BTreeMap<u64, Vec<u8>> =
+        packets.iter().map(|packet| (packet.bytes[0], Vec::new())).collect();
     let last = data.last_key_value().map_or(0, |(index, _)| *index);
     let (mut frame, mut index) = (Frame::default(), 0);
     while index <= last && file.next_frame(&mut frame).map_err(broken)? {
         if let Some(wanted) = data.get_mut(&index) {
-            *wanted = Some(std::mem::take(&mut frame.data));
+            *wanted = std::mem::take(&mut frame.data);
         }
         index += 1;
     }
-    // The key frame of a group also ends the group before it.
-    Ok(packets.iter().map(|packet| data[&packet.bytes[0]].clone().unwrap_or_default()).collect())
+    Ok(data)
 }
 
 fn broken(error: matroska_demuxer::DemuxError) -> VideoError {

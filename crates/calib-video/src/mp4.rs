@@ -3,12 +3,10 @@
 //! `re_mp4` reads the boxes. It does not end on a box of length 0 inside another box, and it trusts counts.
 //! Therefore all boxes are walked first.
 
-use std::io::SeekFrom;
-
 use re_mp4::{FourCC, Mp4, StsdBoxContent};
 
 use crate::error::VideoError;
-use crate::stream::{Codec, MAX_FRAMES, Packet, Source, Stream, length};
+use crate::stream::{Codec, MAX_FRAMES, Packet, Source, Stream, bytes_at, length};
 
 /// Boxes that contain only boxes.
 const CONTAINERS: [&[u8; 4]; 12] = [
@@ -83,10 +81,10 @@ impl Walk<'_> {
             if self.boxes > MAX_BOXES || depth > MAX_DEPTH {
                 return Err(VideoError::Broken("it has too many boxes".into()));
             }
-            let header: [u8; 8] = self.bytes_at(at)?;
+            let header: [u8; 8] = bytes_at(self.source, at)?;
             let [size, name] = [0, 4].map(|k| [header[k], header[k + 1], header[k + 2], header[k + 3]]);
             let (size, body) = match u32::from_be_bytes(size) {
-                1 => (u64::from_be_bytes(self.bytes_at(at + 8)?), at + 16),
+                1 => (u64::from_be_bytes(bytes_at(self.source, at + 8)?), at + 16),
                 // At the end of the file, a length of 0 means the rest.
                 0 if depth == 0 => return Ok(()),
                 size => (u64::from(size), at + 8),
@@ -140,13 +138,6 @@ impl Walk<'_> {
     }
 
     fn number_at(&mut self, at: u64) -> Result<u32, VideoError> {
-        Ok(u32::from_be_bytes(self.bytes_at(at)?))
-    }
-
-    fn bytes_at<const N: usize>(&mut self, at: u64) -> Result<[u8; N], VideoError> {
-        let mut bytes = [0; N];
-        self.source.seek(SeekFrom::Start(at))?;
-        self.source.read_exact(&mut bytes).map_err(|_| VideoError::Broken("it ends inside a box".into()))?;
-        Ok(bytes)
+        Ok(u32::from_be_bytes(bytes_at(self.source, at)?))
     }
 }

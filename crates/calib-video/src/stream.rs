@@ -124,3 +124,11 @@ pub(crate) fn length(source: &mut dyn Source) -> Result<u64, VideoError> {
     source.rewind()?;
     Ok(length)
 }
+
+/// Reads bytes at a position of the file.
+pub(crate) fn bytes_at<const N: usize>(source: &mut dyn Source, at: u64) -> Result<[u8; N], VideoError> {
+    let mut bytes = [0; N];
+    source.seek(SeekFrom::Start(at))?;
+    source.read_exact(&mut bytes).map_err(|_| VideoError::Broken("it is cut off".into()))?;
+    Ok(bytes)
+}

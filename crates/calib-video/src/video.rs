@@ -66,7 +66,7 @@ struct Group {
     end_s: f64,
 }
 
-/// Whether the first bytes of a file are those of a video.
+/// Whether a file is a video, from its first bytes.
 #[must_use]
 pub fn is_video(beginning: &[u8]) -> bool {
     container_of(beginning).is_some()
@@ -185,22 +185,21 @@ impl Video {
     ) -> Result<Vec<(f64, RgbImage)>, VideoError> {
         let requests = self.requests(times_s);
         // This container is read in one pass.
-        let mut whole = match self.container {
+        let whole = match self.container {
             Container::Matroska => {
                 let packets: Vec<Packet> =
                     requests.iter().flat_map(|request| request.packets.iter().copied()).collect();
                 check_memory(&packets)?;
                 let source = self.source.as_mut();
-                without_panic(|| matroska::read_packets(source, &packets))?
+                Some(without_panic(|| matroska::read_packets(source, &packets))?)
             }
-            _ => Vec::new(),
-        }
-        .into_iter();
+            _ => None,
+        };
         let (mut found, mut last_error) = (Vec::new(), VideoError::NoFrames);
         for (index, request) in requests.iter().enumerate() {
-            let data = match self.container {
-                Container::Matroska => whole.by_ref().take(request.packets.len()).collect(),
-                _ => self.read_packets(&request.packets)?,
+            let data = match &whole {
+                Some(whole) => request.packets.iter().map(|packet| whole[&packet.bytes[0]].clone()).collect(),
+                None => self.read_packets(&request.packets)?,
             };
             match self.frames_of(request, &data, &mut found) {
                 Err(error @ VideoError::Memory) => return Err(error),

@@ -1,7 +1,7 @@
 //! Georeference of a site from points with both world and geographic coordinates.
 //!
-//! Let `e_i` be the position of a point toward east and north of the mean of all points, and `w_i` its position
-//! in world axes. `e_i = R(t) w_i + s` with noise `N(0, sigma_i^2)` in each coordinate. The weighted
+//! Let `e_i` be the position of a point toward east and north of the first point, and `w_i` its position in
+//! world axes. `e_i = R(t) w_i + s` with noise `N(0, sigma_i^2)` in each coordinate. The weighted
 //! least-squares rotation is `t = atan2(sum_i c_i w'_i x e'_i, sum_i c_i w'_i . e'_i)`, with `c_i = sigma_i^-2`
 //! and the positions `w'`, `e'` relative to their weighted means (Kabsch 1976, in the plane). Its variance is
 //! `1 / sum_i c_i |w'_i|^2`. The mean has the variance `1 / sum_i c_i`, independent of the rotation.

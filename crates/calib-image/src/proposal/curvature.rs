@@ -211,7 +211,7 @@ fn predicted_rise(segment: &LineSegment, lens: &Lens) -> Option<f64> {
 }
 
 /// Returns the signed distance of a point from a chord, in pixels, with the sign of [`Rise`](crate::Rise).
-fn rise_of_point(at: Pixel, [a, b]: [Pixel; 2]) -> f64 {
+pub(super) fn rise_of_point(at: Pixel, [a, b]: [Pixel; 2]) -> f64 {
     ((at.v - a.v) * (b.u - a.u) - (at.u - a.u) * (b.v - a.v)) / a.distance(b)
 }
 

@@ -195,7 +195,8 @@ pub struct EdgeImage {
     pub segments: Vec<LineSegment>,
     /// Width and height, in pixels.
     pub size: [u32; 2],
-    /// Principal point, if it is known or has a standard deviation; otherwise near the centre of the picture.
+    /// Principal point, if it is known or has a standard deviation; otherwise the centre of the image circle, or
+    /// near the centre of the picture.
     pub principal_point: Option<PrincipalPointEntry>,
     /// Black bars at the sides of the image.
     pub bars: Bars,
@@ -326,7 +327,7 @@ impl AutomaticCalibration {
         let scatter = Scatter::new(best, &grouping.others());
         let own = own_focal_sigma(&camera, &solution);
         let sigma = own.hypot(scatter.sigma).hypot(grouping.lens_sigma);
-        let unusual = CameraPrior::from_width(image.picture_width()).z_score(&best.camera);
+        let unusual = image.prior().z_score(&best.camera);
         let alternative = proposal.set_confidence([sigma, own, unusual], &scatter, &solution);
         proposal.alternative = alternative
             .map(|other| Alternative { orientation: other.camera, groups: grouping.groups_of(other) });
@@ -440,9 +441,7 @@ impl EdgeImage {
         let given = camera.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
         let is_known = given.is_some_and(|distortion| distortion.distortion().is_some());
         Self {
-            principal_point: camera
-                .entered_principal_point()
-                .or_else(|| camera.image_circle().map(|circle| PrincipalPointEntry::known(circle.centre()))),
+            principal_point: camera.entered_principal_point(),
             pixel_aspect: camera.lens.as_ref().and_then(|lens| lens.pixel_aspect),
             lens: is_known.then(|| camera.lens()),
             image_circle: camera.image_circle(),
@@ -456,6 +455,12 @@ impl EdgeImage {
         Some(Reason::PixelsNotSquare { aspect })
     }
 
+    /// Returns the entered principal point, otherwise the centre of the image circle.
+    fn known_centre(&self) -> Option<PrincipalPointEntry> {
+        let of_circle = || self.image_circle.map(|circle| PrincipalPointEntry::known(circle.centre()));
+        self.principal_point.or_else(of_circle)
+    }
+
     /// Returns the principal point for the site file; `None` near the image centre.
     fn principal_point_entry(&self) -> Option<PrincipalPointEntry> {
         let [w, h] = self.bars.picture_size(self.size).map(f64::from);
@@ -463,7 +468,7 @@ impl EdgeImage {
             value: self.bars.picture_centre(self.size),
             sigma: Some(PrincipalPointPrior::of_image([w, h]).sigma),
         };
-        self.principal_point.or_else(|| (!self.bars.are_symmetric()).then_some(off_centre))
+        self.known_centre().or_else(|| (!self.bars.are_symmetric()).then_some(off_centre))
     }
 
     /// Returns the reasons to doubt the image itself.
@@ -477,6 +482,11 @@ impl EdgeImage {
         f64::from(self.bars.picture_size(self.size)[0])
     }
 
+    /// Returns the prior of cameras for this image.
+    fn prior(&self) -> CameraPrior {
+        CameraPrior::from_width(self.picture_width())
+    }
+
     /// Returns the width and height, in pixels.
     fn sides(&self) -> [f64; 2] {
         self.size.map(f64::from)
@@ -486,7 +496,7 @@ impl EdgeImage {
     /// aspect or square pixels.
     fn pinhole(&self) -> Lens {
         let centre =
-            self.principal_point.map_or_else(|| self.bars.picture_centre(self.size), |entry| entry.value);
+            self.known_centre().map_or_else(|| self.bars.picture_centre(self.size), |entry| entry.value);
         Lens { pixel_aspect: self.pixel_aspect.unwrap_or(1.0), ..Lens::pinhole(centre) }
     }
 
@@ -497,7 +507,7 @@ impl EdgeImage {
             None => LensEstimate::from_rises(&self.segments, self.pinhole(), self.sides()),
         };
         let lines = self.lines(&lens);
-        let prior = CameraPrior::from_width(self.picture_width());
+        let prior = self.prior();
         let found = hypotheses(&lines, self.picture_width(), &prior);
         let mut mixtures: Vec<Mixture> =
             found.iter().flat_map(|hypothesis| variants(&lines, hypothesis, &prior)).collect();
@@ -511,7 +521,7 @@ impl EdgeImage {
 
     /// Returns the change of the log focal length of a mixture under another lens.
     fn log_focal_change(&self, best: &Mixture, lens: &Lens) -> f64 {
-        let prior = CameraPrior::from_width(self.picture_width());
+        let prior = self.prior();
         let start = (best.camera, best.azimuths.clone(), best.right_angles.clone());
         let other = Mixture::fit(&self.lines(lens), start, &prior);
         other.map_or(UNKNOWN_FOCAL_SIGMA, |other| (other.camera.focal / best.camera.focal).ln())
@@ -538,7 +548,9 @@ fn own_focal_sigma(camera: &SiteCamera, solution: &Solution) -> f64 {
     let centre = PrincipalPointEntry::known(camera.principal_point());
     held.lens.get_or_insert_default().principal_point_px = Some(centre);
     let whole = relative(solution);
-    let lines = solve_entry(&held).as_ref().map_or(whole, relative).min(whole);
+    // A known principal point is held already.
+    let is_held = held == *camera;
+    let lines = if is_held { whole } else { solve_entry(&held).as_ref().map_or(whole, relative).min(whole) };
     let of_centre = (whole * whole - lines * lines).max(0.0);
     (SIGMA_INFLATION * lines).hypot(of_centre.sqrt()).min(UNKNOWN_FOCAL_SIGMA)
 }

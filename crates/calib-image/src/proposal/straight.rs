@@ -11,6 +11,7 @@ use calib_core::{Lens, Pixel, UndistortedPixel};
 
 use crate::line_segment::LineSegment;
 
+use super::curvature::rise_of_point;
 use super::join::Line;
 
 /// Largest number of edges returned.
@@ -84,9 +85,8 @@ fn rise(line: &Line, lens: &Lens) -> Option<f64> {
     let [a, b] = line.ends;
     let (from, to) = (shown(a)?, shown(b)?);
     let top = shown([0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])])?;
-    let across = (to.u - from.u) * (top.v - from.v) - (to.v - from.v) * (top.u - from.u);
     // The chord is assumed to be as uncertain as the middle.
-    Some(across.abs() * FRAC_1_SQRT_2 / from.distance(to))
+    Some(rise_of_point(top, [from, to]).abs() * FRAC_1_SQRT_2)
 }
 
 #[cfg(test)]
