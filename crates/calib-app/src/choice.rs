@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 
 use calib_editor::images::has_ending;
 
+use crate::drawing::DRAWINGS;
+
 /// Purpose of the chosen files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
@@ -64,7 +66,7 @@ pub(crate) fn images() -> Vec<&'static str> {
 
 /// Returns the file name endings of floor plans.
 pub(crate) fn plans() -> Vec<&'static str> {
-    calib_input::image_endings().chain(["svg"]).collect()
+    calib_input::image_endings().chain(DRAWINGS).collect()
 }
 
 /// File name endings of site files.

@@ -1,14 +1,54 @@
-//! SVG plans: rasterised once when they are loaded and stored as PNG, so that every program shows the same
-//! pixels.
+//! Images that were decoded, and plans from drawings.
+//!
+//! An SVG plan is rasterised once when it is loaded and stored as PNG, so that every program shows the same pixels. A
+//! PDF or DXF stays the image of the plan, because its page and its layers can be changed later.
 
-/// Longer side of the rasterised plan, in pixels. For a corridor of 60 m, one pixel is 2 cm.
-pub(crate) const SIDE: u32 = 3072;
+use std::path::Path;
 
-/// Whether the bytes of a file are an SVG drawing.
-#[must_use]
-pub(crate) fn is_svg(bytes: &[u8]) -> bool {
-    /// Number of bytes at the start of the file that must contain the `<svg` tag.
-    const SEARCHED_BYTES: usize = 4096;
-    let head = String::from_utf8_lossy(&bytes[..bytes.len().min(SEARCHED_BYTES)]);
-    head.trim_start_matches('\u{feff}').trim_start().starts_with('<') && head.contains("<svg")
+use calib_editor::images::has_ending;
+use calib_plan::{DrawingFacts, ScaleSource, View};
+use calib_site::Plan;
+use image::RgbImage;
+
+/// File name endings of drawings.
+pub(crate) const DRAWINGS: [&str; 3] = ["dxf", "pdf", "svg"];
+
+/// Whether a file is a drawing, by the ending of its name.
+pub(crate) fn is_drawing(path: &Path) -> bool {
+    DRAWINGS.iter().any(|ending| has_ending(path, ending))
+}
+
+/// Decoded image.
+#[derive(Debug)]
+pub struct DecodedImage {
+    /// Pixels.
+    pub image: RgbImage,
+    /// Properties of the drawing that was rasterised; `None` for other images.
+    pub drawing: Option<DrawingFacts>,
+}
+
+/// Returns the shown part of the drawing of a plan.
+pub(crate) fn plan_view(plan: &Plan) -> View {
+    View { page: plan.page, layers: plan.layers.clone() }
+}
+
+/// Returns the plan entry of a drawing that states its scale, and a note on the source of the scale.
+pub(crate) fn plan_from_drawing(drawing: &DrawingFacts) -> Option<(Plan, String)> {
+    let metres_per_px = drawing.metres_per_px?;
+    let source = match drawing.scale_source? {
+        ScaleSource::Unit => "Scale read from the unit of the drawing.".into(),
+        ScaleSource::Text(ratio) => {
+            format!("Scale 1:{ratio} read from the text of the page. Check it with a known length (A).")
+        }
+    };
+    let plan = Plan {
+        image: None,
+        page: None,
+        layers: None,
+        metres_per_px,
+        origin_px: drawing.world_origin_px().into(),
+        x_axis_deg: 0.0,
+        georeference: None,
+    };
+    Some((plan, source))
 }

@@ -11,8 +11,8 @@
 //! 4. Requests of panels are carried out.
 //! 5. A finished gesture is autosaved ([`storage::autosave`]).
 
+pub mod drawing;
 pub mod choice;
-mod drawing;
 pub mod platform;
 pub mod theme;
 pub mod icons;

@@ -16,6 +16,7 @@ use crate::compare::panel;
 use crate::handles;
 use crate::keys;
 use crate::paint::{Pen, line};
+use crate::plan::drawing_fields::snapped;
 use crate::plan::floor::Floor;
 use crate::state::{App, Place};
 use crate::theme::{self, on_image};
@@ -155,6 +156,10 @@ fn send_pointer(
         Phase::Press if is_black => return,
         Phase::Drag | Phase::Release if is_black => app.view.panes.pointed,
         _ => mapping.document(at),
+    };
+    let at_px = match pane {
+        Pane::Plan => snapped(app, at_px, mapping.units(theme::HIT)).unwrap_or(at_px),
+        Pane::Image(_) => at_px,
     };
     app.view.panes.pointed = at_px;
     let (mut still, mut offer) = (None, None);

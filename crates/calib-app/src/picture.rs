@@ -4,10 +4,13 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use calib_editor::Source;
+use calib_plan::{DrawingFacts, View};
+use calib_site::Plan;
 use egui::{Color32, ColorImage, Context, Painter, Pos2, Rect, TextureHandle, TextureOptions, Vec2};
 use image::RgbImage;
 
 use crate::canvas::Mapping;
+use crate::drawing::DecodedImage;
 use crate::platform::{Here, Platform as _, Task};
 
 /// Whether memory is limited to 4 GB, as in a browser.
@@ -23,6 +26,7 @@ const MEMORY_BUDGET_BYTES: usize = if HAS_SMALL_MEMORY { 1 << 28 } else { 1 << 3
 /// Decoded image, cut into tiles that are not uploaded yet.
 struct Decoded {
     image: RgbImage,
+    drawing: Option<DrawingFacts>,
     tiles: Vec<([u32; 2], ColorImage)>,
     overview: ColorImage,
 }
@@ -33,6 +37,8 @@ pub struct Picture {
     pub image: Arc<RgbImage>,
     /// Small copy of the whole image.
     pub overview: TextureHandle,
+    /// Properties of the drawing that was rasterised; `None` for other images.
+    pub drawing: Option<DrawingFacts>,
     waiting: Vec<([u32; 2], ColorImage)>,
     tiles: Vec<([u32; 2], [u32; 2], TextureHandle)>,
 }
@@ -80,7 +86,7 @@ impl std::fmt::Debug for Pictures {
 }
 
 /// Cuts an image into tiles, and makes its small copy.
-fn cut_into_tiles(image: RgbImage) -> Decoded {
+fn cut_into_tiles(DecodedImage { image, drawing }: DecodedImage) -> Decoded {
     let (width, height) = image.dimensions();
     let mut tiles = Vec::new();
     for y in (0..height).step_by(MAX_TILE_SIDE_PX as usize - 2) {
@@ -95,7 +101,7 @@ fn cut_into_tiles(image: RgbImage) -> Decoded {
     let size = [width, height].map(|side| ((f64::from(side) * ratio) as u32).max(1));
     let small = image::imageops::thumbnail(&image, size[0], size[1]);
     let overview = ColorImage::from_rgb(size.map(|side| side as usize), &small);
-    Decoded { image, tiles, overview }
+    Decoded { image, drawing, tiles, overview }
 }
 
 fn texture_options() -> TextureOptions {
@@ -105,7 +111,13 @@ fn texture_options() -> TextureOptions {
 impl Picture {
     fn upload(ctx: &Context, name: &str, decoded: Decoded) -> Self {
         let overview = ctx.load_texture(format!("{name} small"), decoded.overview, texture_options());
-        Self { image: Arc::new(decoded.image), overview, waiting: decoded.tiles, tiles: Vec::new() }
+        Self {
+            image: Arc::new(decoded.image),
+            overview,
+            drawing: decoded.drawing,
+            waiting: decoded.tiles,
+            tiles: Vec::new(),
+        }
     }
 
     /// Returns width and height of the image, in pixels.
@@ -321,10 +333,21 @@ impl Pictures {
 
     /// Returns an image once it is decoded; the first call starts the decoding.
     pub fn get(&mut self, ctx: &Context, name: &str, bytes: impl FnOnce() -> Source) -> Option<&mut Picture> {
+        self.get_part(ctx, name, || (bytes(), View::default()))
+    }
+
+    /// Returns the shown part of a drawing once it is decoded; the first call starts the decoding. The key
+    /// depends on the part; see [`picture_key`].
+    pub fn get_part(
+        &mut self,
+        ctx: &Context,
+        key: &str,
+        part: impl FnOnce() -> (Source, View),
+    ) -> Option<&mut Picture> {
         let frame = self.frame;
-        let slot = self.slots.entry(name.to_owned()).or_insert_with(|| Slot {
-            state: State::Loading(Here::picture(ctx, bytes(), cut_into_tiles)),
-            shown: frame,
+        let slot = self.slots.entry(key.to_owned()).or_insert_with(|| {
+            let (source, view) = part();
+            Slot { state: State::Loading(Here::picture(ctx, source, view, cut_into_tiles)), shown: frame }
         });
         slot.shown = frame;
         match &mut slot.state {
@@ -376,8 +399,22 @@ impl Pictures {
 
     /// Drops the image with this name, so that it is read again.
     pub fn forget(&mut self, name: &str) {
-        self.slots.remove(name);
+        let part = format!("{name}{PART_MARK}");
+        self.slots.retain(|key, _| key != name && !key.starts_with(&part));
     }
+}
+
+/// Character between the name of a drawing and the shown part in the key of a picture.
+const PART_MARK: char = '\n';
+
+/// Returns the key of the picture of a plan: its name, and the shown part of a drawing.
+#[must_use]
+pub fn picture_key(plan: &Plan) -> Option<String> {
+    let name = plan.image.as_ref()?;
+    if plan.page.is_none() && plan.layers.is_none() {
+        return Some(name.clone());
+    }
+    Some(format!("{name}{PART_MARK}{:?} {:?}", plan.page, plan.layers))
 }
 
 /// Returns the texture coordinates (0 to 1) of the middle of an image of this size, in the aspect ratio of
@@ -399,7 +436,10 @@ mod tests {
 
     #[test]
     fn tiles_cover_an_image_larger_than_one() {
-        let decoded = cut_into_tiles(RgbImage::new(2 * MAX_TILE_SIDE_PX + 100, 50));
+        let decoded = cut_into_tiles(DecodedImage {
+            image: RgbImage::new(2 * MAX_TILE_SIDE_PX + 100, 50),
+            drawing: None,
+        });
         let widths: Vec<usize> = decoded.tiles.iter().map(|(_, tile)| tile.size[0]).collect();
         assert!(widths.iter().all(|&width| width <= MAX_TILE_SIDE_PX as usize), "{widths:?}");
         let (at, last) = decoded.tiles.last().unwrap();

@@ -9,7 +9,7 @@ use calib_app::command::{self, Command};
 use calib_app::state::Place;
 use calib_app::storage::files::Images;
 use calib_core::{Kind, Pixel};
-use calib_editor::{Action, Pane, PlanHandle, Units, plan_handles};
+use calib_editor::{Action, Pane, PlanHandle, TOOLS, Units, plan_handles};
 use calib_tests::Scratch;
 use desk::{Desk, demo, still};
 use egui::{Event, Key, Modifiers, Pos2, Vec2};
@@ -418,6 +418,80 @@ fn svg_plan_is_converted_to_png() {
     let saved = images.embed_into(desk.site(), None);
     let image = saved.plan.and_then(|plan| plan.image).unwrap();
     assert!(image.starts_with("data:image/png;base64,"), "{}", &image[..40]);
+}
+
+/// Returns a DXF in this unit with the outline of a hall of 20 x 12, and a line on the layer FURNITURE.
+fn hall_dxf(unit: i32) -> String {
+    let line = |layer: &str, [a, b, c, d]: [f64; 4]| {
+        format!("0\nLINE\n8\n{layer}\n10\n{a}\n20\n{b}\n11\n{c}\n21\n{d}\n")
+    };
+    let lines = line("WALLS", [0.0, 0.0, 20.0, 0.0])
+        + &line("WALLS", [20.0, 0.0, 20.0, 12.0])
+        + &line("WALLS", [20.0, 12.0, 0.0, 12.0])
+        + &line("WALLS", [0.0, 12.0, 0.0, 0.0])
+        + &line("FURNITURE", [5.0, 5.0, 9.0, 5.0]);
+    format!(
+        "0\nSECTION\n2\nHEADER\n9\n$INSUNITS\n70\n{unit}\n0\nENDSEC\n0\nSECTION\n2\nENTITIES\n{lines}0\nENDSEC\n0\nEOF\n"
+    )
+}
+
+#[test]
+fn dxf_plan_has_its_scale_layers_and_corners() {
+    let scratch = Scratch::new();
+    scratch.write("hall.dxf", hall_dxf(6));
+    let mut desk = Desk::new(demo());
+    let ctx = desk.harness.ctx.clone();
+    desk.app().take_path(&ctx, scratch.path("hall.dxf"));
+    desk.wait(|app| app.editor.site().plan.as_ref().is_some_and(|plan| plan.metres_per_px == 0.005));
+    desk.key(Key::Num2);
+    desk.wait(|app| app.plan_picture().is_some());
+    // The origin of the drawing is world (0, 0).
+    let corner = desk.site().plan.as_ref().unwrap().scale().plan_from_floor([20.0, 12.0].into());
+    let drawing = desk.app().plan_picture().unwrap().drawing.clone().unwrap();
+    assert!(
+        drawing
+            .corners_px
+            .iter()
+            .any(|&[x, y]| (f64::from(x) - corner.x).hypot(f64::from(y) - corner.y) < 0.01)
+    );
+    let names: Vec<&str> = drawing.layers.iter().map(|layer| layer.name.as_str()).collect();
+    assert_eq!(names, ["FURNITURE", "WALLS"]);
+    // A click near a corner measures from the corner.
+    let measure = TOOLS.iter().position(|tool| tool.title == "Measure plan").unwrap();
+    desk.app().act(Action::SelectTool(measure));
+    desk.click(Pane::Plan, [0.02, 0.02]);
+    desk.click(Pane::Plan, [19.98, 0.03]);
+    let [a, b] = desk.app().editor.session().tool.measured.unwrap();
+    assert!((a.distance(b) * 0.005 - 20.0).abs() < 1e-6, "{}", a.distance(b) * 0.005);
+    // Hidden layers do not move the pixels.
+    desk::change(desk.app(), "walls alone", |site| {
+        site.plan.as_mut().unwrap().layers = Some(vec!["WALLS".into()]);
+    });
+    desk.harness.run_steps(2);
+    desk.wait(|app| app.plan_picture().is_some());
+    let walls = desk.app().plan_picture().unwrap();
+    assert_eq!(walls.size(), drawing.size);
+    assert!(!walls.drawing.as_ref().unwrap().layers[0].is_shown);
+}
+
+#[test]
+fn dxf_plan_without_unit_asks_for_a_length() {
+    let scratch = Scratch::new();
+    scratch.write("hall.dxf", hall_dxf(0));
+    let mut desk = Desk::new(demo());
+    let ctx = desk.harness.ctx.clone();
+    let before = desk.site().plan.as_ref().unwrap().metres_per_px;
+    desk.app().take_path(&ctx, scratch.path("hall.dxf"));
+    desk.wait(|app| app.waiting() == 0);
+    let plan = desk.site().plan.clone().unwrap();
+    assert_eq!(plan.metres_per_px, before);
+    assert_eq!(TOOLS[desk.app().editor.tool_row()].title, "Measure plan");
+    scratch.write("broken.dxf", "0\nSECTION\n2\nENTITIES\n0\nEOF\n");
+    desk.app().take_path(&ctx, scratch.path("broken.dxf"));
+    desk.wait(|app| app.waiting() == 0);
+    let error = desk.app().editor.error().map(str::to_owned).unwrap();
+    assert!(error.contains("broken.dxf") && error.contains("no lines"), "{error}");
+    assert_eq!(desk.site().plan, Some(plan), "the plan stays");
 }
 
 #[test]

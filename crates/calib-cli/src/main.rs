@@ -44,6 +44,7 @@ mod coverage;
 mod measure;
 mod windows;
 mod undistort;
+mod plan;
 #[cfg(feature = "stills")]
 mod snapshot;
 #[cfg(feature = "stills")]
@@ -81,6 +82,8 @@ enum Command {
     /// Map tables of detections to the floor, or 3D points to pixels (CSV, NDJSON, Arrow, Parquet)
     #[cfg(feature = "archives")]
     Project(project::Args),
+    /// Size, scale, pages and layers of a floor plan (PDF, DXF, SVG, image), as a picture or as the plan of a site
+    Plan(plan::Args),
     /// Write an image without lens distortion, or virtual views in any direction (PNG, or JPEG for .jpg)
     Undistort(undistort::Args),
     /// Draw annotations, horizon, metre grid, EFOV and marks on an image, or all cameras on the plan (PNG, or
@@ -137,6 +140,7 @@ fn main() -> ExitCode {
         Command::Project(args) => project::run(&args),
         #[cfg(feature = "stills")]
         Command::Still(args) => still::run(&args),
+        Command::Plan(args) => plan::run(&args),
         Command::Undistort(args) => undistort::run(&args),
         Command::Render(args) => render::run(&args),
         Command::Check(args) => check::run(&args),

@@ -7,8 +7,9 @@ use anyhow::Context as _;
 use base64::Engine as _;
 use calib_core::Code;
 use calib_input::{FileError, decode, image_endings, image_size};
+use calib_plan::{Drawing, View};
 use calib_report::shortened_list;
-use calib_site::{MAX_BYTES, Names, Options, Site, SiteCamera, Warning, counted};
+use calib_site::{MAX_BYTES, Names, Options, Plan, Site, SiteCamera, Warning, counted};
 use image::RgbImage;
 use jiff::Timestamp;
 use sha2::{Digest as _, Sha256};
@@ -41,9 +42,21 @@ impl SiteFile {
         };
         let sha256 = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
         let text = calib_input::json_document(bytes).map_err(|why| CommandError::invalid(path, why))?;
-        let site = Site::from_json(&text).map_err(|error| CommandError::invalid(path, error))?;
         let folder = Path::new(path).parent().unwrap_or(Path::new("")).to_owned();
-        Ok(Self { site, path: path.to_owned(), folder, allows_outside: false, sha256 })
+        let file = Self { site: Site::new(), path: path.to_owned(), folder, allows_outside: false, sha256 };
+        // The reason why a drawing is not read is more helpful than the missing scale.
+        let mut failed = None;
+        let site = Site::from_json_with_drawing(&text, |plan| {
+            file.drawing(plan)
+                .unwrap_or_else(|error| {
+                    failed = Some(error);
+                    None
+                })?
+                .facts
+                .metres_per_px
+        });
+        let site = site.map_err(|error| failed.unwrap_or_else(|| CommandError::invalid(path, error)))?;
+        Ok(Self { site, ..file })
     }
 
     /// Sets whether images outside the site's folder may be read.
@@ -242,13 +255,25 @@ impl SiteFile {
 
     /// Reads the image of the plan, if the site has one.
     pub(crate) fn plan_image(&self) -> Result<Option<RgbImage>, CommandError> {
-        let Some(name) = self.site.plan.as_ref().and_then(|plan| plan.image.as_deref()) else {
+        let Some((plan, name)) =
+            self.site.plan.as_ref().and_then(|plan| Some((plan, plan.image.as_deref()?)))
+        else {
             return Ok(None);
         };
-        let bytes = self.image_bytes(name)?;
-        decode(&bytes)
-            .map(Some)
-            .map_err(|error| CommandError::invalid(image_label(name), format!("the plan: {error}")))
+        let wrong = |error: String| CommandError::invalid(image_label(name), format!("the plan: {error}"));
+        let image = match self.drawing(plan)? {
+            Some(drawing) => drawing.into_image().map_err(|error| wrong(error.to_string()))?,
+            None => decode(&self.image_bytes(name)?).map_err(|error| wrong(error.to_string()))?,
+        };
+        Ok(Some(image))
+    }
+
+    /// Reads the drawing of a plan; `None` if its image is not a drawing.
+    fn drawing(&self, plan: &Plan) -> Result<Option<Drawing>, CommandError> {
+        let Some(name) = plan.image.as_deref() else { return Ok(None) };
+        let view = View { page: plan.page, layers: plan.layers.clone() };
+        let drawing = calib_plan::read(&self.image_bytes(name)?, &view).transpose();
+        drawing.map_err(|error| CommandError::invalid(image_label(name), format!("the plan: {error}")))
     }
 }
 

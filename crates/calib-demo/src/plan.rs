@@ -31,6 +31,8 @@ pub(crate) fn plan_entry() -> Plan {
     let origin = [BORDER - EXTENT[0], BORDER + EXTENT[3]].map(|metres| f64::from((metres * SCALE).round()));
     Plan {
         image: Some("plan.png".into()),
+        page: None,
+        layers: None,
         metres_per_px: 1.0 / f64::from(SCALE),
         origin_px: PlanPixel::from(origin),
         x_axis_deg: 0.0,

@@ -205,8 +205,9 @@ pub enum Action {
     ToggleNumberFixed(PlacementNumber),
     /// Removes the placement of the selected camera.
     RemovePlacement,
-    /// Loads an image as the floor plan. A world file, if present, gives its position and scale.
-    LoadPlan(NewImage, Option<Plan>),
+    /// Loads an image as the floor plan. Position and scale, with a note on their source, come from a world file
+    /// or a drawing, if there is one.
+    LoadPlan(NewImage, Option<Box<(Plan, String)>>),
     /// Sets the position and scale of the plan from a world file with this name.
     ApplyWorldFile(Plan, String),
     /// Changes the position and scale of the plan.

@@ -54,7 +54,7 @@ pub fn mime(name: &str) -> &'static str {
 }
 
 /// Endings, MIME types and first bytes of image files. The first ending of a type is the usual one.
-const MIME_TYPES: [(&str, &str, &[u8]); 8] = [
+const MIME_TYPES: [(&str, &str, &[u8]); 10] = [
     ("jpg", "image/jpeg", b"\xFF\xD8"),
     ("jpeg", "image/jpeg", b"\xFF\xD8"),
     ("png", "image/png", b"\x89PNG"),
@@ -63,6 +63,8 @@ const MIME_TYPES: [(&str, &str, &[u8]); 8] = [
     ("gif", "image/gif", b"GIF8"),
     ("tif", "image/tiff", b"II*\0"),
     ("tiff", "image/tiff", b"MM\0*"),
+    ("pdf", "application/pdf", b"%PDF-"),
+    ("dxf", "image/vnd.dxf", b"AutoCAD Binary DXF"),
 ];
 
 /// Files that may be read without asking: files in the site's folder, and files that the operator chose or

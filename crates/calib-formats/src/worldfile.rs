@@ -45,7 +45,8 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         notes.push(format!("the plan image is assumed to be {image}, in the folder of the site file"));
     }
     let x_axis_deg = (-up).atan2(right).to_degrees();
-    let plan = Plan { image, metres_per_px, origin_px, x_axis_deg, georeference: None };
+    let plan =
+        Plan { image, page: None, layers: None, metres_per_px, origin_px, x_axis_deg, georeference: None };
     let site = Site { plan: Some(plan), ..Site::new() };
     site.check().map_err(|error| FormatError::new(&file.name, Problem::InvalidSite(Box::new(error))))?;
     Ok(Imported { site, notes })

@@ -40,6 +40,18 @@ impl Site {
     /// # Errors
     /// The first error in the file, with its JSON pointer.
     pub fn from_json(text: &str) -> Result<Self, SiteError> {
+        Self::from_json_with_drawing(text, |_| None)
+    }
+
+    /// Reads and checks a site file whose plan may be a drawing that states its own scale. If the file has no
+    /// scale, `metres_per_px` returns that of the drawing, in metres per plan pixel.
+    ///
+    /// # Errors
+    /// The first error in the file, with its JSON pointer.
+    pub fn from_json_with_drawing(
+        text: &str,
+        metres_per_px: impl FnOnce(&Plan) -> Option<f64>,
+    ) -> Result<Self, SiteError> {
         if text.len() > MAX_BYTES {
             let fault = SiteErrorKind::TooLong { bytes: text.len(), most: MAX_BYTES };
             return Err(SiteError::for_document(fault));
@@ -49,12 +61,15 @@ impl Site {
             return Err(SiteError::for_document(SiteErrorKind::TooManyValues { values, most: MAX_VALUES }));
         }
         let mut reader = serde_json::Deserializer::from_str(text);
-        let site: Self = serde_path_to_error::deserialize(&mut reader).map_err(|error| {
+        let mut site: Self = serde_path_to_error::deserialize(&mut reader).map_err(|error| {
             let pointer = pointer_of(error.path());
             let fault = kind_from_json_error(&error.into_inner());
             with_subject(text, SiteError { pointer, kind: fault, subject: None })
         })?;
         reader.end().map_err(|error| SiteError::for_document(kind_from_json_error(&error)))?;
+        if let Some(plan) = site.plan.as_mut().filter(|plan| plan.metres_per_px == 0.0) {
+            plan.metres_per_px = metres_per_px(plan).unwrap_or(0.0);
+        }
         match site.check() {
             Ok(()) => Ok(site),
             Err(error) => {
@@ -156,6 +171,18 @@ fn count_values(text: &str) -> usize {
 
 /// Checks the scale, the origin and the georeference of a floor plan.
 fn check_plan(at: &At, plan: &Plan) -> Checked {
+    /// Largest number of shown layers.
+    const MAX_LAYERS: usize = 10_000;
+    if plan.metres_per_px == 0.0 {
+        return at.key("metres_per_px").expected(
+            "nothing",
+            "the size of a plan pixel in metres, because the image of the plan does not state it",
+        );
+    }
+    if plan.page == Some(0) {
+        return at.key("page").expected(0, "a page from 1");
+    }
+    count(&at.key("layers"), plan.layers.iter().flatten().count(), MAX_LAYERS)?;
     Bounds::POSITIVE.check(&at.key("metres_per_px"), plan.metres_per_px)?;
     Bounds::COORDINATE.check_all(&at.key("origin_px"), &<[f64; 2]>::from(plan.origin_px))?;
     Bounds::DEGREES.check(&at.key("x_axis_deg"), plan.x_axis_deg)?;

@@ -242,10 +242,19 @@ document! {
 
     /// Floor plan: image and scale.
     struct Plan {
-        /// Path relative to the site file, or a `data:` URI.
+        /// Path relative to the site file, or a `data:` URI: an image (such as PNG or JPEG), or a drawing (SVG,
+        /// PDF or DXF).
         #[serde(default, skip_serializing_if = "Option::is_none")]
         image: Option<String>,
-        /// Size of a plan pixel, in metres.
+        /// Page of a PDF, from 1; the first if absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        page: Option<u32>,
+        /// Shown layers of a DXF; the layers that are on in the drawing if absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        layers: Option<Vec<String>>,
+        /// Size of a plan pixel, in metres. It may be absent if the drawing states it: a DXF with a unit, or a PDF
+        /// with one scale in its text.
+        #[serde(default)]
         metres_per_px: f64,
         /// Plan pixel of world (0, 0).
         #[serde(default)]

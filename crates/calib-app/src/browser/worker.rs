@@ -2,13 +2,14 @@
 
 use calib_editor::edges;
 use calib_image::{AutomaticCalibration, Comparison, EdgeImage, LineSegment, line_segments};
+use calib_plan::{Drawing, Picture, View};
 use calib_site::{Site, SiteCamera};
 use image::RgbImage;
 use js_sys::{Array, Float64Array, Reflect, Uint8Array};
 use wasm_bindgen::prelude::*;
 
 use crate::platform::Recovery;
-use crate::platform::web::{COMPARE, PROPOSE, RECOVER, REFINE, page};
+use crate::platform::web::{COMPARE, DRAWING, PROPOSE, RECOVER, REFINE, page};
 use crate::storage::demo;
 
 /// Registers the function through which the page sends work to this worker.
@@ -55,6 +56,14 @@ fn run_job(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, St
             let site = std::str::from_utf8(bytes).map_err(|error| error.to_string())?;
             let site = Site::from_json(site).map_err(|error| error.to_string())?;
             Ok(Array::of1(&Uint8Array::from(calib_editor::refined(site).to_json().as_bytes()).into()))
+        }
+        DRAWING => {
+            let view: View = page::read(name.as_bytes())?;
+            let drawing = calib_plan::read(bytes, &view).ok_or("not a drawing")?;
+            let Drawing { picture, facts } = drawing.map_err(|error| error.to_string())?;
+            let Picture::Svg(svg) = picture else { return Err("the drawing has no lines".into()) };
+            let facts = serde_json::to_vec(&facts).map_err(|error| error.to_string())?;
+            Ok(Array::of2(&Uint8Array::from(&*facts).into(), &Uint8Array::from(svg.as_bytes()).into()))
         }
         other => Err(format!("no work of the kind {other}")),
     }

@@ -11,6 +11,7 @@ use calib_site::Plan;
 use egui::Context;
 
 use crate::choice::Chosen;
+use crate::drawing::plan_from_drawing;
 use crate::platform::{Here, Platform as _, Task};
 use crate::state::{App, Comparing, Mode, Planning, Read, ReadPicture};
 
@@ -83,8 +84,17 @@ impl App {
         match planning.picture.poll() {
             None => self.jobs.planning = Some(planning),
             Some(Ok(still)) => {
+                let drawing = still.drawing.clone();
+                let world_file =
+                    planning.told.map(|plan| (plan, "Scale read from the world file.".to_owned()));
+                let scaled = world_file.or_else(|| plan_from_drawing(drawing.as_ref()?));
+                let notes = drawing.map(|drawing| drawing.notes.join(" ")).unwrap_or_default();
                 let still = self.stored(still);
-                self.act(Action::LoadPlan(still, planning.told));
+                self.act(Action::LoadPlan(still, scaled.map(Box::new)));
+                if !notes.is_empty() {
+                    let scale = self.editor.session().note.clone().unwrap_or_default();
+                    self.act(Action::Note(format!("{scale} {notes}").trim().to_owned()));
+                }
                 self.show(Mode::Plan);
                 self.view.panes.views.clear();
             }
@@ -162,15 +172,16 @@ impl App {
             (None, None) => file.name.clone(),
         };
         let read = self.editor.session().images.reader(&name);
-        Here::still(ctx, file.name, read, |bytes, picture, drawn| ReadPicture {
+        Here::still(ctx, file.name, read, |bytes, decoded, drawn| ReadPicture {
             taken: time_in_name(&title).or_else(|| calib_input::capture_time(bytes)),
             still: NewImage {
                 image: name,
                 title,
-                size: picture.dimensions().into(),
-                image_circle: calib_image::image_circle(picture),
+                size: decoded.image.dimensions().into(),
+                image_circle: calib_image::image_circle(&decoded.image),
             },
             drawn,
+            drawing: decoded.drawing,
         })
     }
 
@@ -205,7 +216,7 @@ impl App {
 
     /// Returns an image that was read, for the site. A rasterised drawing is stored in the site as PNG.
     pub(crate) fn stored(&mut self, picture: ReadPicture) -> NewImage {
-        let ReadPicture { still, drawn, taken: _ } = picture;
+        let ReadPicture { still, drawn, .. } = picture;
         let Some(png) = drawn else { return still };
         let name = format!("{}.png", still.title);
         let image = self.editor.store_image(png.into(), "image/png", Some(&name));

@@ -9,6 +9,7 @@ use calib_site::{Site, counted};
 use egui::Context;
 
 use crate::choice::{Chosen, Purpose};
+use crate::drawing::is_drawing;
 use crate::edges::Proposing;
 use crate::files::images::is_world_file;
 use crate::platform::{Here, Platform as _};
@@ -302,7 +303,7 @@ impl App {
             self.open_path(&path);
             return;
         }
-        if has_ending(&path, "svg") {
+        if is_drawing(&path) {
             self.load_plan(ctx, vec![Chosen::of_path(path)]);
             return;
         }
@@ -377,7 +378,7 @@ impl App {
         self.take_newer(ctx, &mut files);
         for file in files {
             let name = Path::new(&file.name);
-            if file.bytes.is_some() && has_ending(name, "svg") {
+            if file.bytes.is_some() && is_drawing(name) {
                 self.load_plan(ctx, vec![file]);
             } else if file.bytes.is_none() || !is_image(name) {
                 self.act(Action::AddError(format!(

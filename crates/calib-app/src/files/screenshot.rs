@@ -5,6 +5,7 @@ use std::path::Path;
 use calib_editor::{Action, Session};
 use calib_report::{EmbeddedImage, ImageRequest, page};
 use egui::Context;
+use image::{ImageFormat, RgbImage};
 
 use crate::choice::Purpose;
 use crate::platform::{Here, Platform as _};
@@ -41,9 +42,7 @@ impl App {
         let mut png = std::io::Cursor::new(Vec::new());
         let written = image::RgbaImage::from_raw(w, h, rgba)
             .ok_or_else(|| "The view has no size.".to_owned())
-            .and_then(|image| {
-                image.write_to(&mut png, image::ImageFormat::Png).map_err(|error| error.to_string())
-            });
+            .and_then(|image| image.write_to(&mut png, ImageFormat::Png).map_err(|error| error.to_string()));
         match written {
             Ok(()) => {
                 self.jobs.pictured = Some(png.into_inner());
@@ -68,12 +67,25 @@ impl App {
     pub(crate) fn save_report(&mut self, path: &Path) {
         let session = self.editor.session();
         let site = session.solved.write_into(&session.site);
-        let html = page(&site, None, &mut |shown| picture(session, shown));
+        let plan = self.plan_picture().filter(|plan| plan.drawing.is_some());
+        let html = page(&site, None, &mut |shown| match (shown, plan) {
+            // Browsers do not show a PDF or DXF as an image.
+            (ImageRequest::Plan, Some(plan)) => embedded_pixels(&plan.image),
+            _ => picture(session, shown),
+        });
         match Here::write(path, html.as_bytes()) {
             Ok(()) => self.act(Action::Note(format!("Saved {}.", path.display()))),
             Err(error) => self.act(Action::SetError(error)),
         }
     }
+}
+
+/// Returns pixels for embedding in the report.
+fn embedded_pixels(image: &RgbImage) -> Result<EmbeddedImage, String> {
+    let mut png = std::io::Cursor::new(Vec::new());
+    image.write_to(&mut png, ImageFormat::Png).map_err(|error| error.to_string())?;
+    let href = calib_editor::images::data_uri("image/png", png.get_ref());
+    Ok(EmbeddedImage { href, size: image.dimensions().into() })
 }
 
 /// Returns an image for embedding in the report.

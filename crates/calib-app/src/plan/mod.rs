@@ -2,6 +2,7 @@
 
 pub(crate) mod mesh;
 pub mod floor;
+pub(crate) mod drawing_fields;
 pub mod placement;
 pub mod agreement;
 pub(crate) mod planes;

@@ -12,6 +12,7 @@ use egui::{Align, DragValue, Layout, RichText, Ui};
 
 use crate::annotate::result::{Number, TOP, held_at, lock, orientation_row};
 use crate::command::Command;
+use crate::plan::drawing_fields;
 use crate::state::App;
 use crate::theme;
 use crate::widgets::{cells, decimals, heading, length_field, number};
@@ -253,7 +254,8 @@ pub fn plan(app: &mut App, ui: &mut Ui) {
 fn scale_fields(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let Some(mut plan) = app.editor.session().site.plan.clone() else { return };
-    let mut changed = None;
+    let drawing = app.plan_picture().and_then(|picture| picture.drawing.as_ref());
+    let mut changed = drawing.and_then(|drawing| drawing_fields::fields(ui, drawing, &mut plan));
     ui.horizontal(|ui| {
         let label = ui.label(RichText::new("Scale").color(palette.text2));
         let (unit, suffix) = match app.editor.session().tool.units {

@@ -12,11 +12,13 @@ use std::sync::Arc;
 
 use calib_editor::{AllowedFiles, Edge, FileResult, Source};
 use calib_image::{AutomaticCalibration, Comparison, LineSegment};
+use calib_plan::View;
 use calib_site::{NewImage, Recovered, Site, SiteCamera};
 use egui::Context;
 use image::RgbImage;
 
 use crate::choice::{Chosen, Purpose};
+use crate::drawing::DecodedImage;
 
 #[cfg(not(target_arch = "wasm32"))]
 pub(crate) use native::Native as Here;
@@ -124,20 +126,21 @@ pub(crate) trait Platform {
     /// Reads dropped files as chosen files.
     fn dropped(ctx: &Context, files: Vec<egui::DroppedFileHandle>) -> Task<Vec<Chosen>>;
 
-    /// Decodes an image in the background and passes it to `then`.
+    /// Decodes an image in the background and passes it to `then`. Of a drawing, `view` is the shown part.
     fn picture<T: Send + 'static>(
         ctx: &Context,
         source: Source,
-        then: impl FnOnce(RgbImage) -> T + Send + 'static,
+        view: View,
+        then: impl FnOnce(DecodedImage) -> T + Send + 'static,
     ) -> Task<Result<T, String>>;
 
     /// Reads an image file in the background, and passes its bytes, its pixels and its PNG to `then`. Only an
-    /// SVG drawing, which is rasterised, has a PNG.
+    /// SVG drawing has a PNG.
     fn still<T: Send + 'static>(
         ctx: &Context,
         name: String,
         source: Source,
-        then: impl FnOnce(&[u8], &RgbImage, Option<Vec<u8>>) -> T + Send + 'static,
+        then: impl FnOnce(&[u8], DecodedImage, Option<Vec<u8>>) -> T + Send + 'static,
     ) -> Task<Result<T, String>>;
 
     /// Detects the straight edges of an image.

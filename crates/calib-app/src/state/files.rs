@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use calib_editor::NewImage;
+use calib_plan::DrawingFacts;
 use calib_site::Plan;
 
 use crate::choice::Purpose;
@@ -66,6 +67,8 @@ pub(crate) struct ReadPicture {
     pub(crate) still: NewImage,
     /// PNG of an SVG drawing that was rasterised; `None` for other images.
     pub(crate) drawn: Option<Vec<u8>>,
+    /// Properties of a drawing; `None` for other images.
+    pub(crate) drawing: Option<DrawingFacts>,
     /// Time at which the image was taken (RFC 3339), from its name or its EXIF data.
     pub(crate) taken: Option<String>,
 }

@@ -8,9 +8,10 @@ use calib_editor::{Action, plan_scale};
 use calib_site::SiteCamera;
 use egui::{Context, Id};
 
+use crate::drawing::plan_view;
 use crate::edges::Proposing;
 use crate::edges::Refining;
-use crate::picture::Piece;
+use crate::picture::{Picture, Piece, picture_key};
 use crate::state::App;
 
 impl App {
@@ -152,8 +153,7 @@ impl App {
 
     /// Returns the floor positions of the corners of the plan image; empty until the image is decoded.
     fn plan_corners(&self) -> Vec<FloorPoint> {
-        let name = self.editor.session().site.plan.as_ref().and_then(|plan| plan.image.as_ref());
-        let Some(picture) = name.and_then(|name| self.pictures.ready(name)) else { return Vec::new() };
+        let Some(picture) = self.plan_picture() else { return Vec::new() };
         let [w, h] = picture.size().map(f64::from);
         let scale = plan_scale(self.editor.site());
         let corner = |[x, y]: [f64; 2]| scale.floor_from_plan(PlanPixel::new(x, y));
@@ -162,20 +162,27 @@ impl App {
 
     /// Starts decoding the plan image.
     pub fn ask_for_plan(&mut self, ctx: &Context) {
-        let name = self.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());
-        if let Some(name) = name {
-            let images = &self.editor.session().images;
-            self.pictures.get(ctx, &name, || images.reader(&name));
-        }
+        self.loaded_plan(ctx);
+    }
+
+    /// Returns the plan image if it is already decoded.
+    #[must_use]
+    pub fn plan_picture(&self) -> Option<&Picture> {
+        self.pictures.ready(&picture_key(self.editor.site().plan.as_ref()?)?)
+    }
+
+    /// Returns the plan image once it is decoded; the first call starts the decoding.
+    fn loaded_plan(&mut self, ctx: &Context) -> Option<&mut Picture> {
+        let session = self.editor.session();
+        let plan = session.site.plan.as_ref()?;
+        let name = plan.image.as_ref()?;
+        let part = || (session.images.reader(name), plan_view(plan));
+        self.pictures.get_part(ctx, &picture_key(plan)?, part)
     }
 
     /// Returns the plan image as texture tiles.
     pub fn plan_pieces(&mut self, ctx: &Context) -> Vec<Piece> {
-        let name = self.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());
-        let Some(name) = name else { return Vec::new() };
-        let images = &self.editor.session().images;
-        let picture = self.pictures.get(ctx, &name, || images.reader(&name));
-        picture.map(|picture| picture.pieces(ctx)).unwrap_or_default()
+        self.loaded_plan(ctx).map(|picture| picture.pieces(ctx)).unwrap_or_default()
     }
 
     /// Returns the opacity of projected images on the plan, 0 to 1; the opacity is stored for each site.

@@ -64,7 +64,7 @@ impl Editor {
             Action::TogglePlacementFixed => self.toggle_placement_fixed(),
             Action::ToggleNumberFixed(number) => self.toggle_number_fixed(number),
             Action::RemovePlacement => self.remove_placement(),
-            Action::LoadPlan(image, world_file) => self.load_plan(image, world_file),
+            Action::LoadPlan(image, scaled) => self.load_plan(image, scaled),
             Action::ApplyWorldFile(world_file, name) => self.apply_world_file(&world_file, &name),
             Action::SetPlan { plan, name } => self.set_plan(plan, name),
             Action::SetControl(index, point) => self.set_control(index, *point),

@@ -114,19 +114,22 @@ impl Editor {
         self.session.commit(name);
     }
 
-    pub(super) fn load_plan(&mut self, new: NewImage, world_file: Option<Plan>) {
+    pub(super) fn load_plan(&mut self, new: NewImage, scaled: Option<Box<(Plan, String)>>) {
         let NewImage { image, size, .. } = new;
         let metres_per_px = self.session.site.plan.as_ref().map_or(0.02, |plan| plan.metres_per_px);
         let bare = Plan {
             image: None,
+            page: None,
+            layers: None,
             metres_per_px,
             origin_px: PlanPixel::new(0.0, f64::from(size[1])),
             x_axis_deg: 0.0,
             georeference: None,
         };
-        let is_scaled = world_file.is_some();
-        self.session.site.plan = Some(Plan { image: Some(image), ..world_file.unwrap_or(bare) });
-        self.session.note = is_scaled.then(|| "Scale read from the world file.".into());
+        let is_scaled = scaled.is_some();
+        let (plan, note) = scaled.map_or((bare, None), |scaled| (scaled.0, Some(scaled.1)));
+        self.session.site.plan = Some(Plan { image: Some(image), ..plan });
+        self.session.note = note;
         self.session.commit("load a plan");
         if !is_scaled {
             self.select_tool(tool_index("Measure plan"));

@@ -1,7 +1,5 @@
 //! Desktop: files, threads, the system's chooser.
 
-mod drawing_memory;
-mod drawing;
 mod files;
 mod task;
 
@@ -10,11 +8,13 @@ use std::sync::Arc;
 
 use calib_editor::{AllowedFiles, Edge, FileResult, Source};
 use calib_image::{AutomaticCalibration, Comparison, LineSegment};
+use calib_plan::View;
 use calib_site::{Recovered, Site, SiteCamera};
 use egui::Context;
 use image::RgbImage;
 
 use crate::choice::{Chosen, Purpose};
+use crate::drawing::DecodedImage;
 use crate::platform::{Answer, Platform, Recovery, Stills};
 
 /// Desktop platform.
@@ -91,16 +91,17 @@ impl Platform for Native {
     fn picture<T: Send + 'static>(
         ctx: &Context,
         source: Source,
-        then: impl FnOnce(RgbImage) -> T + Send + 'static,
+        view: View,
+        then: impl FnOnce(DecodedImage) -> T + Send + 'static,
     ) -> Task<Result<T, String>> {
-        task::picture(ctx, source, then)
+        task::picture(ctx, source, view, then)
     }
 
     fn still<T: Send + 'static>(
         ctx: &Context,
         name: String,
         source: Source,
-        then: impl FnOnce(&[u8], &RgbImage, Option<Vec<u8>>) -> T + Send + 'static,
+        then: impl FnOnce(&[u8], DecodedImage, Option<Vec<u8>>) -> T + Send + 'static,
     ) -> Task<Result<T, String>> {
         task::still(ctx, name, source, then)
     }

@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use calib_editor::{Edge, Source, decode, edges, refined};
 use calib_image::{AutomaticCalibration, Comparison, EdgeImage, LineSegment, line_segments};
+use calib_plan::{DrawingKind, View};
 use calib_site::{Recovered, Site, SiteCamera};
 use egui::Context;
-use image::RgbImage;
+use image::{ImageFormat, RgbImage};
 
-use crate::drawing::is_svg;
-use crate::platform::native::drawing::draw;
+use crate::drawing::DecodedImage;
 use crate::platform::native::files;
 use crate::platform::{Lost, Recovery, Stills};
 
@@ -116,23 +116,44 @@ impl<T> Task<T> {
 pub(super) fn picture<T: Send + 'static>(
     ctx: &Context,
     source: Source,
-    then: impl FnOnce(RgbImage) -> T + Send + 'static,
+    view: View,
+    then: impl FnOnce(DecodedImage) -> T + Send + 'static,
 ) -> Task<Result<T, String>> {
-    Task::spawn(ctx, move || Ok(then(decode(&source.read(files::read_within)?)?)))
+    Task::spawn(ctx, move || Ok(then(decoded(&source.read(files::read_within)?, &view)?)))
+}
+
+/// Decodes an image, or rasterises a drawing.
+fn decoded(bytes: &[u8], view: &View) -> Result<DecodedImage, String> {
+    let Some(drawing) = calib_plan::read(bytes, view) else {
+        return Ok(DecodedImage { image: decode(bytes)?, drawing: None });
+    };
+    let drawing = drawing.map_err(|error| error.to_string())?;
+    let facts = drawing.facts.clone();
+    Ok(DecodedImage { image: drawing.into_image().map_err(|error| error.to_string())?, drawing: Some(facts) })
+}
+
+/// Returns the PNG of an SVG drawing; `None` for other images.
+fn png_of_svg(decoded: &DecodedImage) -> Result<Option<Vec<u8>>, String> {
+    if decoded.drawing.as_ref().is_none_or(|drawing| drawing.kind != DrawingKind::Svg) {
+        return Ok(None);
+    }
+    let mut png = std::io::Cursor::new(Vec::new());
+    decoded.image.write_to(&mut png, ImageFormat::Png).map_err(|error| error.to_string())?;
+    Ok(Some(png.into_inner()))
 }
 
 pub(super) fn still<T: Send + 'static>(
     ctx: &Context,
     name: String,
     source: Source,
-    then: impl FnOnce(&[u8], &RgbImage, Option<Vec<u8>>) -> T + Send + 'static,
+    then: impl FnOnce(&[u8], DecodedImage, Option<Vec<u8>>) -> T + Send + 'static,
 ) -> Task<Result<T, String>> {
     Task::spawn(ctx, move || {
         let bytes = source.read(files::read_within)?;
         let picture = || {
-            let drawn = if is_svg(&bytes) { Some(draw(&bytes)?) } else { None };
-            let image = decode(drawn.as_deref().unwrap_or(&bytes))?;
-            Ok(then(&bytes, &image, drawn))
+            let decoded = decoded(&bytes, &View::default())?;
+            let png = png_of_svg(&decoded)?;
+            Ok(then(&bytes, decoded, png))
         };
         picture().map_err(|error: String| format!("{name}: {error}"))
     })

@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use calib_editor::{AllowedFiles, Edge, FileResult, Source};
 use calib_image::{AutomaticCalibration, Comparison, LineSegment};
+use calib_plan::{DrawingKind, View};
 use calib_site::{Recovered, Site, SiteCamera};
 use egui::Context;
 use image::RgbImage;
@@ -17,7 +18,7 @@ use wasm_bindgen::{JsCast as _, JsValue};
 use wasm_bindgen_futures::JsFuture;
 
 use crate::choice::{Chosen, Purpose};
-use crate::drawing::{SIDE, is_svg};
+use crate::drawing::DecodedImage;
 use crate::platform::{Answer, Platform, Recovery, Stills};
 
 pub use task::Task;
@@ -107,30 +108,24 @@ impl Platform for Web {
     fn picture<T: Send + 'static>(
         ctx: &Context,
         source: Source,
-        then: impl FnOnce(RgbImage) -> T + Send + 'static,
+        view: View,
+        then: impl FnOnce(DecodedImage) -> T + Send + 'static,
     ) -> Task<Result<T, String>> {
-        Task::wait(ctx, async move { Ok(then(worker::decode(source).await?)) })
+        Task::wait(ctx, async move { Ok(then(decoded(source, &view).await?.0)) })
     }
 
     fn still<T: Send + 'static>(
         ctx: &Context,
         name: String,
         source: Source,
-        then: impl FnOnce(&[u8], &RgbImage, Option<Vec<u8>>) -> T + Send + 'static,
+        then: impl FnOnce(&[u8], DecodedImage, Option<Vec<u8>>) -> T + Send + 'static,
     ) -> Task<Result<T, String>> {
         Task::wait(ctx, async move {
             let picture = async {
                 let is_made = source.name_to_render().is_some();
                 let bytes = if is_made { None } else { Some(source.clone().read(Self::read_within)?) };
-                let drawn = match bytes.as_ref().filter(|bytes| is_svg(bytes)) {
-                    Some(bytes) => Some(draw(bytes).await?),
-                    None => None,
-                };
-                let image = match &drawn {
-                    Some(png) => worker::pixels(png).await?,
-                    None => worker::decode(source).await?,
-                };
-                Ok(then(bytes.as_deref().unwrap_or_default(), &image, drawn))
+                let (decoded, png) = decoded(source, &View::default()).await?;
+                Ok(then(bytes.as_deref().unwrap_or_default(), decoded, png))
             };
             picture.await.map_err(|error: String| format!("{name}: {error}"))
         })
@@ -218,9 +213,33 @@ pub(crate) async fn read_all(files: &js_sys::Array) -> Vec<Chosen> {
 }
 
 /// Rasterises an SVG on white; returns a PNG.
-pub(crate) async fn draw(bytes: &[u8]) -> Result<Vec<u8>, String> {
-    let drawn = JsFuture::from(page::draw(&Uint8Array::from(bytes), SIDE)).await;
+async fn draw(bytes: &[u8], side: u32) -> Result<Vec<u8>, String> {
+    let drawn = JsFuture::from(page::draw(&Uint8Array::from(bytes), side)).await;
     drawn.map(|png| Uint8Array::new(&png).to_vec()).map_err(|error| said(&error))
+}
+
+/// Longer side of a rasterised SVG plan, in pixels, as in the other programs.
+const SVG_SIDE: u32 = 3072;
+
+/// Decodes an image, or rasterises a drawing. An SVG drawing also has a PNG.
+async fn decoded(source: Source, view: &View) -> Result<(DecodedImage, Option<Vec<u8>>), String> {
+    let bytes = match source.name_to_render() {
+        Some(_) => None,
+        None => Some(source.clone().read(Web::read_within)?),
+    };
+    let drawing = bytes.as_deref().and_then(|bytes| Some((bytes, DrawingKind::of(bytes)?)));
+    match drawing {
+        None => Ok((DecodedImage { image: worker::decode(source).await?, drawing: None }, None)),
+        Some((bytes, DrawingKind::Svg)) => {
+            let png = draw(bytes, SVG_SIDE).await?;
+            Ok((DecodedImage { image: worker::pixels(&png).await?, drawing: None }, Some(png)))
+        }
+        Some((bytes, _)) => {
+            let (facts, svg) = worker::drawing(bytes, view).await?;
+            let png = draw(&svg, facts.size[0].max(facts.size[1])).await?;
+            Ok((DecodedImage { image: worker::pixels(&png).await?, drawing: Some(facts) }, None))
+        }
+    }
 }
 
 /// Returns the message of a JavaScript error.

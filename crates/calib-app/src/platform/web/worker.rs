@@ -2,6 +2,7 @@
 
 use calib_editor::{Edge, Source, edges};
 use calib_image::{AutomaticCalibration, Comparison, LineSegment};
+use calib_plan::{DrawingFacts, View};
 use calib_site::{Recovered, Site, SiteCamera};
 use image::RgbImage;
 use js_sys::{Array, Float64Array, Uint8Array};
@@ -16,6 +17,8 @@ pub(crate) const REFINE: &str = "refine";
 /// from measured edges.
 pub(crate) const PROPOSE: &str = "propose";
 
+/// Name of the work that reads a DXF drawing.
+pub(crate) const DRAWING: &str = "drawing";
 /// Name of the worker for comparisons; the bytes of a request contain both images.
 pub(crate) const COMPARE: &str = "compare";
 /// Name of the worker for recoveries; the bytes of a request contain both images.
@@ -60,6 +63,14 @@ pub(crate) async fn decode(source: Source) -> Result<RgbImage, String> {
     let answer = request("render", &made, 0, &[]).await?;
     source.store_rendered(Uint8Array::new(&answer.get(2)).to_vec().into());
     image_from_answer(&answer)
+}
+
+/// Reads a DXF drawing in a worker; returns its properties and an SVG document.
+pub(crate) async fn drawing(bytes: &[u8], view: &View) -> Result<(DrawingFacts, Vec<u8>), String> {
+    let view = serde_json::to_string(view).map_err(|error| error.to_string())?;
+    let answer = request(DRAWING, &view, 0, bytes).await?;
+    let facts = page::read(&Uint8Array::new(&answer.get(0)).to_vec())?;
+    Ok((facts, Uint8Array::new(&answer.get(1)).to_vec()))
 }
 
 /// Detects the straight edges of an image in a worker.

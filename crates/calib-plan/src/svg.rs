@@ -1,50 +1,71 @@
-//! Rasterising SVG plans.
+//! Pixels of SVG drawings.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
+use image::RgbImage;
 use resvg::tiny_skia::{Color, Pixmap, Transform};
 use resvg::usvg::{ImageKind, Options, Tree, fontdb};
 
-use crate::drawing::SIDE;
-use crate::platform::native::drawing_memory::bytes_to_draw;
+use crate::error::PlanError;
+use crate::svg_memory::bytes_to_draw;
+
+/// Longer side of the pixels of an SVG, in pixels. For a corridor of 60 m, one pixel is 2 cm.
+pub(crate) const SVG_SIDE: u32 = 3072;
 
 /// Largest memory for rasterising an SVG, in bytes.
 const MAX_MEMORY_BYTES: f64 = 1e9;
 /// Memory for decoding an embedded image, in bytes per pixel: two RGBA copies.
 const DECODE_BYTES_PER_PIXEL: u64 = 8;
 
-/// Rasterises an SVG on white; returns a PNG.
+/// Returns the pixels of an SVG on white. Without a size, the longer side has 3,072 pixels.
 ///
 /// # Errors
-/// When the SVG is invalid, has no size, or needs too much memory.
-pub(super) fn draw(bytes: &[u8]) -> Result<Vec<u8>, String> {
+///
+/// Fails if the SVG is invalid, has no size, or needs too much memory.
+pub fn rasterise(bytes: &[u8], size: Option<[u32; 2]>) -> Result<RgbImage, PlanError> {
     let tree = parse(bytes)?;
-    let size = tree.size();
-    let zoom = SIDE as f32 / size.width().max(size.height());
-    let [w, h] = [size.width(), size.height()].map(|side| (side * zoom).round().max(1.0) as u32);
+    let own = tree.size();
+    let zoom = match size {
+        Some([width, _]) => width as f32 / own.width(),
+        None => SVG_SIDE as f32 / own.width().max(own.height()),
+    };
+    let [w, h] =
+        size.unwrap_or_else(|| [own.width(), own.height()].map(|side| (side * zoom).round().max(1.0) as u32));
     let zoom = Transform::from_scale(zoom, zoom);
     let bytes = bytes_to_draw(&tree, zoom, [w, h]);
-    let is_small = bytes.is_some_and(|bytes| bytes <= MAX_MEMORY_BYTES);
-    if !is_small {
-        let memory = bytes.map_or_else(|| "no end".into(), |bytes| format!("{:.1} GB", bytes / 1e9));
-        return Err(format!(
-            "groups with opacity, masks, clips, filters or patterns lie in each other in the drawing and take {memory} \
-             of memory, and at most {:.1} GB are given; flatten it, or export it as PNG",
+    if bytes.is_none_or(|bytes| bytes > MAX_MEMORY_BYTES) {
+        let memory =
+            bytes.map_or_else(|| "unlimited memory".into(), |bytes| format!("{:.1} GB", bytes / 1e9));
+        return Err(too_large(format!(
+            "its groups with opacity, masks, clips, filters or patterns contain each other and need {memory}; the \
+             limit is {:.1} GB. Flatten it, or export it as PNG",
             MAX_MEMORY_BYTES / 1e9
-        ));
+        )));
     }
-    let mut pixels = Pixmap::new(w, h).ok_or("The SVG file has no size.")?;
+    let mut pixels = Pixmap::new(w, h).ok_or_else(|| damaged("it has no size".into()))?;
     pixels.fill(Color::WHITE);
     resvg::render(&tree, zoom, &mut pixels.as_mut());
-    pixels.encode_png().map_err(|error| error.to_string())
+    let colours = pixels.data().as_chunks::<4>().0.iter().flat_map(|[r, g, b, _]| [*r, *g, *b]).collect();
+    RgbImage::from_raw(w, h, colours).ok_or_else(|| damaged("it has no size".into()))
 }
 
-fn parse(bytes: &[u8]) -> Result<Tree, String> {
+fn damaged(reason: String) -> PlanError {
+    PlanError::Damaged { kind: "SVG", reason }
+}
+
+fn too_large(reason: String) -> PlanError {
+    PlanError::Limit { kind: "SVG", reason }
+}
+
+fn parse(bytes: &[u8]) -> Result<Tree, PlanError> {
     let mut fonts = fontdb::Database::new();
-    fonts.load_font_data(include_bytes!("../../../assets/IBMPlexSans-Regular.ttf").to_vec());
+    fonts.load_font_data(epaint_default_fonts::UBUNTU_LIGHT.to_vec());
+    let names: Vec<String> =
+        fonts.faces().flat_map(|face| face.families.iter().map(|(name, _)| name.clone())).collect();
+    let font_family = names.first().cloned().unwrap_or_default();
+    fonts.set_sans_serif_family(&font_family);
     let refused = Mutex::new(None);
-    let mut options =
-        Options { font_family: "IBM Plex Sans".into(), fontdb: Arc::new(fonts), ..Options::default() };
+    let mut options = Options { font_family, fontdb: Arc::new(fonts), ..Options::default() };
     // A plan must not read files of this machine.
     options.image_href_resolver.resolve_string = Box::new(|_, _| None);
     options.image_href_resolver.resolve_data = Box::new(|mime, data, options| {
@@ -52,24 +73,26 @@ fn parse(bytes: &[u8]) -> Result<Tree, String> {
             .map_err(|why| *refused.lock().unwrap_or_else(PoisonError::into_inner) = Some(why))
             .ok()
     });
-    let tree = Tree::from_data(bytes, &options).map_err(|error| error.to_string())?;
+    let tree = Tree::from_data(bytes, &options).map_err(|error| damaged(error.to_string()))?;
     drop(options);
     refused.into_inner().unwrap_or_else(PoisonError::into_inner).map_or(Ok(tree), Err)
 }
 
 /// Loads an embedded image if the size in its header is within the memory limits of all images.
-fn load_embedded(mime: &str, data: Arc<Vec<u8>>, options: &Options<'_>) -> Result<ImageKind, String> {
-    let said = |why: String| format!("an image in the SVG file: {why}");
+fn load_embedded(mime: &str, data: Arc<Vec<u8>>, options: &Options<'_>) -> Result<ImageKind, PlanError> {
+    let refused = |why: String| too_large(format!("an image in it: {why}"));
     let is_png = data.starts_with(b"\x89PNG");
     if is_png || data.starts_with(&[0xff, 0xd8]) {
         calib_input::check_decode_memory(&data, DECODE_BYTES_PER_PIXEL)
-            .map_err(|error| said(error.to_string()))?;
+            .map_err(|error| refused(error.to_string()))?;
         return Ok(if is_png { ImageKind::PNG(data) } else { ImageKind::JPEG(data) });
     }
     if mime != "image/svg+xml" {
-        return Err(said(format!("{mime} is not supported; embed it as PNG or JPEG")));
+        return Err(PlanError::Unsupported(format!(
+            "an image in the SVG is {mime}, which is not supported; embed it as PNG or JPEG"
+        )));
     }
-    Tree::from_data_nested(&data, options).map(ImageKind::SVG).map_err(|error| said(error.to_string()))
+    Tree::from_data_nested(&data, options).map(ImageKind::SVG).map_err(|error| damaged(error.to_string()))
 }
 
 #[cfg(test)]
@@ -77,24 +100,22 @@ mod tests {
     use base64::Engine as _;
 
     use super::*;
-    use crate::drawing::is_svg;
 
     #[test]
-    fn a_drawing_is_drawn_on_white_in_its_shape() {
+    fn a_drawing_is_rasterised_on_white() {
         let svg = br##"<svg xmlns="http://www.w3.org/2000/svg" width="200" height="100">
             <rect x="100" width="100" height="100" fill="#204060"/></svg>"##;
-        assert!(is_svg(svg) && !is_svg(b"\x89PNG"));
-        let image = calib_editor::decode(&draw(svg).unwrap()).unwrap();
+        let image = rasterise(svg, None).unwrap();
         let (w, h) = image.dimensions();
         assert_eq!(w, 2 * h);
         assert_eq!(image.get_pixel(w / 4, h / 2).0, [255; 3]);
         assert_eq!(image.get_pixel(3 * w / 4, h / 2).0, [0x20, 0x40, 0x60]);
-        assert!(draw(b"<svg").is_err());
+        assert!(rasterise(b"<svg", None).is_err());
     }
 
-    fn with(inner: &str) -> Result<Vec<u8>, String> {
+    fn with(inner: &str) -> Result<RgbImage, String> {
         let svg = format!(r#"<svg xmlns="http://www.w3.org/2000/svg" width="40" height="40">{inner}</svg>"#);
-        draw(svg.as_bytes())
+        rasterise(svg.as_bytes(), None).map_err(|error| error.to_string())
     }
 
     fn href(mime: &str, data: &[u8]) -> String {
@@ -109,8 +130,8 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_in_a_drawing_is_bounded_as_every_other() {
-        let small = calib_editor::decode(&with(&href("image/png", &png(8, 8))).unwrap()).unwrap();
+    fn embedded_images_have_a_size_limit() {
+        let small = with(&href("image/png", &png(8, 8))).unwrap();
         assert_eq!(small.get_pixel(1000, 1000).0, [0; 3], "it is drawn");
         // Image of fifty kilobytes that would need 1.2 GB, also nested in another drawing.
         let large = href("image/png", &png(10_000, 10_000));
@@ -120,7 +141,7 @@ mod tests {
             assert!(error.contains("10000 x 10000") && error.contains("scale it down"), "{error}");
         }
         let error = with(&href("image/webp", b"RIFF")).unwrap_err();
-        assert!(error.contains("image/webp is not supported"), "{error}");
+        assert!(error.contains("image/webp, which is not supported"), "{error}");
     }
 
     /// Returns nested groups, each as large as the drawing.
@@ -135,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn a_drawing_within_drawings_takes_no_memory_without_bound() {
+    fn nested_groups_have_a_memory_limit() {
         assert!(with(&deep(3)).is_ok());
         let nested =
             format!(r#"<svg xmlns="http://www.w3.org/2000/svg" width="40" height="40">{}</svg>"#, deep(200));
@@ -159,12 +180,12 @@ mod tests {
         ];
         for inner in hostile {
             let error = with(&inner).unwrap_err();
-            assert!(error.contains("GB of memory, and at most 1.0 GB"), "{error}");
+            assert!(error.contains("the limit is 1.0 GB"), "{error}");
         }
     }
 
     #[test]
-    fn patterns_that_hold_each_other_many_times_have_no_end() {
+    fn patterns_that_contain_each_other_are_refused() {
         let pattern = |level: usize| {
             let next = format!(r##"<rect width="1" height="1" fill="url(#p{})"/>"##, level + 1).repeat(12);
             format!(
@@ -177,11 +198,11 @@ mod tests {
             "<defs>{patterns}{last}</defs><rect width=\"40\" height=\"40\" fill=\"url(#p0)\"/>"
         ))
         .unwrap_err();
-        assert!(error.contains("take no end of memory"), "{error}");
+        assert!(error.contains("need unlimited memory"), "{error}");
     }
 
     #[test]
-    fn what_plans_have_is_drawn() {
+    fn patterns_filters_and_clips_are_drawn() {
         let hatch = r#"<pattern id="a" patternUnits="userSpaceOnUse" width="2" height="2"><rect width="1" height="1"/></pattern>"#;
         let shadow = r#"<filter id="a"><feGaussianBlur stdDeviation="1"/><feOffset dx="1"/><feBlend in="SourceGraphic" mode="normal"/></filter>"#;
         let window = r#"<clipPath id="a"><rect width="20" height="40"/></clipPath>"#;

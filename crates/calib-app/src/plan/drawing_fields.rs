@@ -1,0 +1,119 @@
+//! Fields of a plan from a drawing: page and paper scale of a PDF, unit and layers of a DXF. Also the corners that
+//! attract the pointer.
+
+use calib_core::PlanPixel;
+use calib_editor::{TOOLS, plan_scale};
+use calib_plan::{DrawingFacts, DrawingKind};
+use calib_site::Plan;
+use egui::{ComboBox, DragValue, RichText, ScrollArea, Ui};
+
+use crate::state::App;
+use crate::theme;
+
+/// Units of length of a DXF: name, and length in metres.
+const UNITS: [(&str, f64); 5] =
+    [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0), ("inches", 0.0254), ("feet", 0.3048)];
+
+/// Titles of the tools whose clicks on the plan snap to corners of the drawing.
+const SNAPPING_TOOLS: [&str; 2] = ["Control point", "Measure plan"];
+
+/// Shows the fields of a drawing; returns the name of the change, for the history.
+pub(super) fn fields(ui: &mut Ui, drawing: &DrawingFacts, plan: &mut Plan) -> Option<&'static str> {
+    let mut changed = None;
+    if drawing.pages > 1 {
+        let mut page = plan.page.unwrap_or(1);
+        let last = u32::try_from(drawing.pages).unwrap_or(u32::MAX);
+        let field = DragValue::new(&mut page).speed(0.05).range(1..=last).suffix(format!(" of {last}"));
+        if labelled(ui, "Page", field) {
+            (plan.page, changed) = (Some(page), Some("choose a page of the plan"));
+        }
+    }
+    if let Some(paper) = drawing.paper_metres_per_px {
+        let mut ratio = plan.metres_per_px / paper;
+        let field = DragValue::new(&mut ratio).speed(1.0).range(0.1..=1e6).prefix("1 : ").max_decimals(2);
+        if labelled(ui, "Paper scale", field.update_while_editing(false)) {
+            (plan.metres_per_px, changed) = (paper * ratio, Some("change the scale of the plan"));
+        }
+    }
+    if let Some(units_per_px) = drawing.units_per_px {
+        changed = unit(ui, units_per_px, plan).or(changed);
+    }
+    if drawing.kind == DrawingKind::Dxf {
+        changed = layers(ui, drawing, plan).or(changed);
+    }
+    changed
+}
+
+fn labelled(ui: &mut Ui, title: &str, field: DragValue<'_>) -> bool {
+    let palette = theme::palette(ui.ctx());
+    ui.horizontal(|ui| {
+        let label = ui.label(RichText::new(title).color(palette.text2));
+        ui.add(field).labelled_by(label.id).changed()
+    })
+    .inner
+}
+
+/// Shows the unit of a DXF.
+fn unit(ui: &mut Ui, units_per_px: f64, plan: &mut Plan) -> Option<&'static str> {
+    let palette = theme::palette(ui.ctx());
+    let own = plan.metres_per_px / units_per_px;
+    let current = UNITS.iter().find(|(_, metres)| (own / metres - 1.0).abs() < 1e-6);
+    let mut changed = None;
+    ui.horizontal(|ui| {
+        let label = ui.label(RichText::new("Unit").color(palette.text2));
+        let shown = current.map_or("other", |(name, _)| name);
+        let list = ComboBox::from_id_salt("unit of the drawing").selected_text(shown).width(80.0);
+        let list = list.show_ui(ui, |ui| {
+            for (name, metres) in UNITS {
+                if ui.selectable_label(shown == name, name).clicked() {
+                    (plan.metres_per_px, changed) =
+                        (metres * units_per_px, Some("change the unit of the plan"));
+                }
+            }
+        });
+        list.response.labelled_by(label.id);
+    });
+    changed
+}
+
+/// Shows the layers of a DXF as check boxes.
+fn layers(ui: &mut Ui, drawing: &DrawingFacts, plan: &mut Plan) -> Option<&'static str> {
+    /// Largest height of the list, in points.
+    const MAX_HEIGHT: f32 = 180.0;
+    let used: Vec<_> = drawing.layers.iter().filter(|layer| layer.count > 0).collect();
+    let mut changed = None;
+    let title = format!("Layers ({})", used.len());
+    egui::CollapsingHeader::new(title).id_salt("layers of the drawing").show(ui, |ui| {
+        ScrollArea::vertical().max_height(MAX_HEIGHT).show(ui, |ui| {
+            for layer in &used {
+                let mut is_shown = layer.is_shown;
+                if ui.checkbox(&mut is_shown, &layer.name).changed() {
+                    let shown = used
+                        .iter()
+                        .filter(|other| if other.name == layer.name { is_shown } else { other.is_shown });
+                    let shown: Vec<String> = shown.map(|layer| layer.name.clone()).collect();
+                    // A plan without layers would have nothing to show.
+                    if !shown.is_empty() {
+                        (plan.layers, changed) = (Some(shown), Some("choose layers of the plan"));
+                    }
+                }
+            }
+        });
+    });
+    changed
+}
+
+/// Returns the corner of the drawing within `radius` metres of a point of the plan, in metres, if the current tool
+/// snaps to corners.
+pub(crate) fn snapped(app: &App, at: [f64; 2], radius: f64) -> Option<[f64; 2]> {
+    let title = TOOLS.get(app.editor.tool_row())?.title;
+    let drawing = app.plan_picture()?.drawing.as_ref().filter(|_| SNAPPING_TOOLS.contains(&title))?;
+    let scale = plan_scale(app.editor.site());
+    let pixel = scale.plan_from_floor(at.into());
+    let radius_px = radius / scale.metres_per_px;
+    let corners = drawing.corners_px.iter().map(|&[x, y]| PlanPixel::new(f64::from(x), f64::from(y)));
+    let near = corners.filter(|corner| corner.distance(pixel) < radius_px);
+    let nearest = near.min_by(|a, b| a.distance(pixel).total_cmp(&b.distance(pixel)))?;
+    let floor = scale.floor_from_plan(nearest);
+    Some([floor.x, floor.y])
+}

@@ -1,0 +1,285 @@
+//! `calib plan`: size, scale, pages and layers of a floor plan, as a picture or as the plan of a site.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use calib_core::PlanPixel;
+use calib_plan::{Drawing, DrawingFacts, DrawingKind, ScaleSource, View};
+use calib_report::shortened_list;
+use calib_site::{MAX_BYTES, Plan, Site};
+use serde_json::{Value, json};
+
+use crate::files::{self, print_message};
+use crate::picture;
+use crate::site_file::{SiteFile, path_relative_to_file};
+use crate::solve::Format;
+use crate::stop::{CommandError, escape_control_characters};
+
+/// Arguments of `calib plan`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Floor plan: PDF, DXF, SVG, or an image (such as PNG or TIFF)
+    file: String,
+    /// Page of a PDF, from 1
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    page: Option<u32>,
+    /// Shown layer of a DXF; repeat for several [default: the layers that are on in the drawing]
+    #[arg(long = "layer", value_name = "NAME")]
+    layers: Vec<String>,
+    /// Scale of the paper, such as 1:100
+    #[arg(long, value_name = "1:N", value_parser = ratio, conflicts_with = "unit")]
+    scale: Option<f64>,
+    /// Unit of a DXF: mm, cm, m, in or ft
+    #[arg(long, value_name = "UNIT", value_parser = unit)]
+    unit: Option<f64>,
+    /// Site that gets this plan; the positions of its cameras stay
+    #[arg(long, value_name = "SITE", requires = "output")]
+    site: Option<String>,
+    /// File to write: a picture (PNG, or JPEG for .jpg), or with --site the site with this plan; - is stdout
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<String>,
+    /// Overwrite the output file
+    #[arg(long)]
+    force: bool,
+    /// Output format [default: text on a terminal, otherwise json]
+    #[arg(long, value_enum)]
+    format: Option<Format>,
+}
+
+/// Parses a scale such as 1:100 or 100.
+fn ratio(text: &str) -> Result<f64, String> {
+    let number = text.strip_prefix("1:").unwrap_or(text).trim().parse::<f64>();
+    number
+        .ok()
+        .filter(|ratio| (1e-3..=1e6).contains(ratio))
+        .ok_or_else(|| "expected a scale such as 1:100".into())
+}
+
+/// Returns the length of a unit in metres.
+fn unit(text: &str) -> Result<f64, String> {
+    match text {
+        "mm" => Ok(1e-3),
+        "cm" => Ok(1e-2),
+        "m" => Ok(1.0),
+        "in" => Ok(0.0254),
+        "ft" => Ok(0.3048),
+        _ => Err("expected mm, cm, m, in or ft".into()),
+    }
+}
+
+/// Floor plan that was read.
+struct ReadPlan {
+    drawing: Option<Drawing>,
+    size: [u32; 2],
+    image: Option<image::RgbImage>,
+    /// Size of a pixel in metres, and the source of this scale.
+    scale: Option<(f64, String)>,
+}
+
+/// Reads the plan, and writes what the operator asks for.
+pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
+    if let Some(output) = &args.output {
+        files::check_free(output, args.force)?;
+    }
+    let path = Path::new(&args.file);
+    let bytes = calib_input::read(path, MAX_BYTES as u64)
+        .map_err(|error| CommandError::invalid(path.display(), error))?;
+    let layers = (!args.layers.is_empty()).then(|| args.layers.clone());
+    let read = read_plan(&bytes, args, &View { page: args.page, layers: layers.clone() })?;
+    if let Some(site) = &args.site {
+        return write_site(args, site, &read, layers);
+    }
+    if let Some(output) = &args.output {
+        let invalid = |error| CommandError::invalid(path.display(), error);
+        let image = match (read.image, read.drawing) {
+            (Some(image), _) => image,
+            (None, Some(drawing)) => drawing.into_image().map_err(invalid)?,
+            (None, None) => return Err(CommandError::invalid(path.display(), "has no pixels")),
+        };
+        return files::write(output, &picture::encode(&image, output)?, args.force);
+    }
+    let format = Format::given_or_usual(args.format);
+    files::print(&match format {
+        Format::Json => format!("{}\n", as_json(args, &read, layers)),
+        Format::Text => escape_control_characters(&as_text(args, &read)).into_owned(),
+    })
+}
+
+fn read_plan(bytes: &[u8], args: &Args, view: &View) -> Result<ReadPlan, CommandError> {
+    let invalid = |error: String| CommandError::invalid(&args.file, error);
+    let Some(drawing) = calib_plan::read(bytes, view) else {
+        let image = calib_input::decode(bytes).map_err(|error| invalid(error.to_string()))?;
+        for (option, is_given) in [
+            ("--page", args.page.is_some()),
+            ("--layer", !args.layers.is_empty()),
+            ("--scale", args.scale.is_some()),
+            ("--unit", args.unit.is_some()),
+        ] {
+            if is_given {
+                return Err(CommandError::Usage(format!("{option}: {} is an image without it", args.file)));
+            }
+        }
+        return Ok(ReadPlan {
+            drawing: None,
+            size: image.dimensions().into(),
+            image: Some(image),
+            scale: None,
+        });
+    };
+    let drawing = drawing.map_err(|error| invalid(error.to_string()))?;
+    let given = match (args.scale, args.unit) {
+        (Some(scale), _) => Some((
+            drawing.facts.paper_metres_per_px.ok_or_else(|| {
+                CommandError::Usage(format!("--scale: {} has no paper size; only a PDF has one", args.file))
+            })? * scale,
+            format!("1:{scale}, from --scale"),
+        )),
+        (_, Some(unit)) => Some((
+            drawing.facts.units_per_px.ok_or_else(|| {
+                CommandError::Usage(format!("--unit: {} has no unit; only a DXF has one", args.file))
+            })? * unit,
+            "from --unit".into(),
+        )),
+        (None, None) => None,
+    };
+    let own = || {
+        let source = match drawing.facts.scale_source? {
+            ScaleSource::Unit => "from the unit of the drawing".into(),
+            ScaleSource::Text(ratio) => {
+                format!("1:{ratio}, from a text on the page; check it with a known distance")
+            }
+        };
+        Some((drawing.facts.metres_per_px?, source))
+    };
+    let scale = given.or_else(own);
+    for note in &drawing.facts.notes {
+        print_message(format_args!("calib: {}: {note}", args.file));
+    }
+    Ok(ReadPlan { size: drawing.facts.size, scale, drawing: Some(drawing), image: None })
+}
+
+/// Returns the plan entry of a site.
+fn entry(
+    image: String,
+    read: &ReadPlan,
+    args: &Args,
+    layers: Option<Vec<String>>,
+    metres_per_px: f64,
+) -> Plan {
+    let height = f64::from(read.size[1]);
+    let [x, y] = read.drawing.as_ref().map_or([0.0, height], |drawing| drawing.facts.world_origin_px());
+    Plan {
+        image: Some(image),
+        page: args.page,
+        layers,
+        metres_per_px,
+        origin_px: PlanPixel::new(x, y),
+        x_axis_deg: 0.0,
+        georeference: None,
+    }
+}
+
+/// Writes the site with this plan. A georeference belongs to the world coordinates, and stays.
+fn write_site(
+    args: &Args,
+    site: &str,
+    read: &ReadPlan,
+    layers: Option<Vec<String>>,
+) -> Result<(), CommandError> {
+    let Some((metres_per_px, source)) = &read.scale else {
+        return Err(CommandError::Usage(unknown_scale(read)));
+    };
+    let output = args.output.as_deref().unwrap_or("-");
+    let file = SiteFile::read(site)?.relative_to(output);
+    let image = path_relative_to_file(Path::new(&args.file), output);
+    let plan = Plan {
+        georeference: file.site.plan.as_ref().and_then(|plan| plan.georeference.clone()),
+        ..entry(image, read, args, layers, *metres_per_px)
+    };
+    print_message(format_args!(
+        "calib: {} m a pixel ({source}); world (0, 0) is at plan pixel {}, {}; the cameras keep their positions",
+        plan.metres_per_px, plan.origin_px.x, plan.origin_px.y
+    ));
+    let site = Site { plan: Some(plan), ..file.site };
+    files::write(output, site.to_json().as_bytes(), args.force)
+}
+
+/// Returns the advice for a plan without a scale.
+fn unknown_scale(read: &ReadPlan) -> String {
+    match read.drawing.as_ref().map(|drawing| &drawing.facts) {
+        Some(DrawingFacts { kind: DrawingKind::Pdf, scales_in_text, .. }) if !scales_in_text.is_empty() => {
+            let scales: Vec<String> = scales_in_text.iter().map(|one| format!("1:{one}")).collect();
+            format!("--scale is missing: the page mentions the scales {}; choose one", scales.join(", "))
+        }
+        Some(DrawingFacts { kind: DrawingKind::Pdf, .. }) => {
+            "--scale is missing: the page mentions no scale such as 1:100".into()
+        }
+        Some(DrawingFacts { kind: DrawingKind::Dxf, .. }) => {
+            "--unit is missing: the drawing states no unit of length".into()
+        }
+        _ => {
+            "the scale is unknown; enter \"metres_per_px\" in the site file, or measure it in the app".into()
+        }
+    }
+}
+
+fn as_json(args: &Args, read: &ReadPlan, layers: Option<Vec<String>>) -> Value {
+    let drawing = read.drawing.as_ref();
+    let kind = drawing.map_or("image", |drawing| name(drawing.facts.kind));
+    let shown: Vec<Value> = drawing.map_or_else(Vec::new, |drawing| {
+        let layer = |layer: &calib_plan::Layer| {
+            json!({"name": layer.name, "shown": layer.is_shown, "count": layer.count})
+        };
+        drawing.facts.layers.iter().map(layer).collect()
+    });
+    let plan = read.scale.as_ref().map(|(scale, _)| entry(args.file.clone(), read, args, layers, *scale));
+    json!({
+        "kind": kind,
+        "size_px": read.size,
+        "pages": drawing.map_or(1, |drawing| drawing.facts.pages),
+        "layers": shown,
+        "metres_per_px": read.scale.as_ref().map(|(scale, _)| scale),
+        "scale_source": read.scale.as_ref().map(|(_, source)| source),
+        "scales_in_text": drawing.map_or_else(Vec::new, |drawing| drawing.facts.scales_in_text.clone()),
+        "notes": drawing.map_or_else(Vec::new, |drawing| drawing.facts.notes.clone()),
+        "plan": plan,
+    })
+}
+
+fn name(kind: DrawingKind) -> &'static str {
+    match kind {
+        DrawingKind::Svg => "svg",
+        DrawingKind::Pdf => "pdf",
+        DrawingKind::Dxf => "dxf",
+        DrawingKind::Dwg => "dwg",
+    }
+}
+
+fn as_text(args: &Args, read: &ReadPlan) -> String {
+    let [width, height] = read.size;
+    let kind = read.drawing.as_ref().map_or("image", |drawing| name(drawing.facts.kind));
+    let mut text = format!("{}: {kind}, {width} x {height} pixels\n", args.file);
+    match &read.scale {
+        Some((scale, source)) => {
+            let [w, h] = read.size.map(|side| f64::from(side) * scale);
+            let _ = writeln!(text, "Scale: {scale} m a pixel ({source}); the plan shows {w:.2} m x {h:.2} m");
+        }
+        None => {
+            let _ = writeln!(text, "Scale: unknown. {}", unknown_scale(read));
+        }
+    }
+    if let Some(drawing) = &read.drawing {
+        if drawing.facts.pages > 1 {
+            let _ = writeln!(text, "Page: {} of {}", args.page.unwrap_or(1), drawing.facts.pages);
+        }
+        for (is_shown, title) in [(true, "Shown layers"), (false, "Hidden layers")] {
+            let layers =
+                drawing.facts.layers.iter().filter(|layer| layer.is_shown == is_shown && layer.count > 0);
+            let names: Vec<&str> = layers.map(|layer| layer.name.as_str()).collect();
+            if !names.is_empty() {
+                let _ = writeln!(text, "{title}: {}", shortened_list(names.into_iter()));
+            }
+        }
+    }
+    text
+}

@@ -1,0 +1,242 @@
+//! Pixels of the model space, and its SVG document.
+
+use std::fmt::Write as _;
+
+use kurbo::{Affine, BezPath, Point, Rect};
+
+use super::model::{Model, Stroke};
+use super::pairs::Pairs;
+use super::tables::{Tables, metres_of_unit};
+use crate::drawing::{Drawing, DrawingFacts, DrawingKind, Layer, Picture, ScaleSource, View};
+use crate::error::PlanError;
+
+/// Largest side of the picture, in pixels.
+const MAX_SIDE: f64 = 4096.0;
+/// Empty border around the drawing, in pixels.
+const MARGIN: f64 = 24.0;
+/// Width of lines, in pixels.
+const LINE_WIDTH: f64 = 2.0;
+/// Opacity of filled areas.
+const FILL_OPACITY: f64 = 0.6;
+/// Round numbers of drawing units per pixel, in a decade.
+const ROUND: [f64; 10] = [1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0];
+/// Height of capitals divided by the font size.
+const CAPITAL_HEIGHT: f64 = 0.7;
+/// Smallest height of capitals that is drawn, in pixels.
+const MIN_CAPITALS: f64 = 4.0;
+/// Largest number of corners.
+const MAX_CORNERS: usize = 100_000;
+
+/// Reads a drawing.
+pub(crate) fn read(bytes: &[u8], view: &View) -> Result<Drawing, PlanError> {
+    let pairs = Pairs::read(bytes)?;
+    let records = pairs.records();
+    let tables = Tables::new(&records);
+    let model = Model::new(&tables, view.layers.as_deref());
+    let layers = layers(&tables, &model);
+    if let Some(layer) = view.layers.iter().flatten().find(|name| !is_layer(&layers, name)) {
+        let names: Vec<&str> = layers.iter().map(|layer| layer.name.as_str()).collect();
+        return Err(PlanError::Layer { layer: layer.clone(), layers: names.join(", ") });
+    }
+    let boxes = if model.boxes.is_empty() { &model.hidden_boxes } else { &model.boxes };
+    let Some((bounds, distant)) = bounds(boxes).filter(|_| !model.strokes.is_empty()) else {
+        let hidden: Vec<&str> = layers
+            .iter()
+            .filter(|layer| !layer.is_shown && layer.count > 0)
+            .map(|layer| layer.name.as_str())
+            .collect();
+        let advice =
+            if hidden.is_empty() { String::new() } else { format!("; hidden layers: {}", hidden.join(", ")) };
+        return Err(PlanError::Empty(advice));
+    };
+    let units_per_px = units_per_px(bounds);
+    let size = [bounds.width(), bounds.height()].map(|side| side / units_per_px + 2.0 * MARGIN);
+    let size = size.map(|side| side.ceil().max(1.0));
+    let to_pixels = Affine::new([
+        1.0 / units_per_px,
+        0.0,
+        0.0,
+        -1.0 / units_per_px,
+        MARGIN - bounds.x0 / units_per_px,
+        MARGIN + bounds.y1 / units_per_px,
+    ]);
+    let metres = metres_of_unit(tables.unit);
+    let origin = to_pixels * Point::ORIGIN;
+    let facts = DrawingFacts {
+        units_per_px: Some(units_per_px),
+        metres_per_px: metres.map(|metres| metres * units_per_px),
+        scale_source: metres.map(|_| ScaleSource::Unit),
+        origin_px: Some([origin.x, origin.y]),
+        layers,
+        corners_px: corners(&model, to_pixels, size),
+        notes: notes(&model, &pairs, distant),
+        ..DrawingFacts::new(DrawingKind::Dxf, size.map(|side| side as u32))
+    };
+    Ok(Drawing { picture: Picture::Svg(document(&model, to_pixels, size)), facts })
+}
+
+fn is_layer(layers: &[Layer], name: &str) -> bool {
+    layers.iter().any(|layer| layer.name.to_uppercase() == name.to_uppercase())
+}
+
+/// Returns the layers of the tables and those that only records name.
+fn layers(tables: &Tables<'_>, model: &Model<'_>) -> Vec<Layer> {
+    let mut keys: Vec<&String> = tables.layers.keys().chain(model.counts.keys()).collect();
+    keys.sort_unstable();
+    keys.dedup();
+    let layer = |key: &String| Layer {
+        name: tables.layer_names.get(key).unwrap_or(key).clone(),
+        is_shown: model.is_shown(key),
+        count: model.counts.get(key).copied().unwrap_or(0),
+    };
+    keys.into_iter().map(layer).collect()
+}
+
+/// Returns the bounds of all lines, and the number of lines that are too far away to be part of the plan.
+///
+/// Many drawings contain a forgotten line kilometres away, which would reduce the plan to a dot. Lines outside
+/// the bounds of the middle 98 % by more than ten times their size are distant.
+fn bounds(boxes: &[Rect]) -> Option<(Rect, usize)> {
+    const MIDDLE: f64 = 0.98;
+    const DISTANT: f64 = 10.0;
+    let quantile = |mut values: Vec<f64>, share: f64| {
+        values.sort_unstable_by(f64::total_cmp);
+        values.get(((values.len() - 1) as f64 * share).round() as usize).copied()
+    };
+    let low = 0.5 * (1.0 - MIDDLE);
+    if boxes.is_empty() {
+        return None;
+    }
+    let x = |share| quantile(boxes.iter().map(|one| one.center().x).collect(), share);
+    let y = |share| quantile(boxes.iter().map(|one| one.center().y).collect(), share);
+    let middle = Rect::new(x(low)?, y(low)?, x(1.0 - low)?, y(1.0 - low)?);
+    let typical = quantile(boxes.iter().map(|one| one.width().max(one.height())).collect(), 0.5)?;
+    let reach = DISTANT * middle.width().max(middle.height()).max(typical);
+    let near = middle.inflate(reach, reach);
+    let is_near = |one: &&Rect| near.contains(one.origin()) && near.contains(Point::new(one.x1, one.y1));
+    let kept = boxes.iter().filter(is_near).copied().reduce(|a, b| a.union(b));
+    let distant = boxes.len() - boxes.iter().filter(is_near).count();
+    let kept = kept.or_else(|| boxes.iter().copied().reduce(|a, b| a.union(b)))?;
+    let side = kept.width().max(kept.height());
+    (side > 0.0 && side.is_finite()).then_some((kept, distant))
+}
+
+/// Returns a round number of drawing units per pixel, so that the picture is at most [`MAX_SIDE`] wide and high.
+fn units_per_px(bounds: Rect) -> f64 {
+    let least = bounds.width().max(bounds.height()) / (MAX_SIDE - 2.0 * MARGIN - 1.0);
+    let decade = 10_f64.powf(least.log10().floor());
+    ROUND.into_iter().map(|step| step * decade).find(|&step| step >= least).unwrap_or(10.0 * decade)
+}
+
+/// Returns the SVG document of the strokes and texts, on white.
+fn document(model: &Model<'_>, to_pixels: Affine, [width, height]: [f64; 2]) -> String {
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
+         viewBox=\"0 0 {width} {height}\"><rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>"
+    );
+    // Neighbouring strokes of one colour are one path, which is much faster to draw.
+    let mut strokes = model.strokes.as_slice();
+    while let Some(first) = strokes.first() {
+        let is_same = |stroke: &&Stroke| (stroke.colour, stroke.is_filled) == (first.colour, first.is_filled);
+        let count = strokes.iter().take_while(is_same).count();
+        let [r, g, b] = first.colour;
+        let colour = format!("#{r:02x}{g:02x}{b:02x}");
+        let paint = if first.is_filled {
+            format!("fill=\"{colour}\" fill-opacity=\"{FILL_OPACITY}\" fill-rule=\"evenodd\"")
+        } else {
+            format!(
+                "fill=\"none\" stroke=\"{colour}\" stroke-width=\"{LINE_WIDTH}\" stroke-linejoin=\"round\""
+            )
+        };
+        let _ = write!(svg, "<path {paint} d=\"");
+        for stroke in &strokes[..count] {
+            add_path(&mut svg, &(to_pixels * &stroke.path));
+        }
+        svg.push_str("\"/>");
+        strokes = &strokes[count..];
+    }
+    for label in &model.labels {
+        // The document's y axis points down.
+        let placed = to_pixels * label.placed * Affine::FLIP_Y;
+        let [a, b, c, d, e, f] = placed.as_coeffs();
+        if c.hypot(d) < MIN_CAPITALS || a.hypot(b) > MAX_SIDE {
+            continue;
+        }
+        let anchor = ["start", "middle", "end"][usize::from(label.anchor.min(2))];
+        let [r, g, blue] = label.colour;
+        let _ = write!(
+            svg,
+            "<text transform=\"matrix({a} {b} {c} {d} {e} {f})\" font-size=\"{:.4}\" text-anchor=\"{anchor}\" \
+             fill=\"#{r:02x}{g:02x}{blue:02x}\">{}</text>",
+            1.0 / CAPITAL_HEIGHT,
+            escaped(&label.text)
+        );
+    }
+    svg.push_str("</svg>");
+    svg
+}
+
+/// Adds the commands of a path with hundredths of pixels.
+fn add_path(svg: &mut String, path: &BezPath) {
+    use kurbo::PathEl::{ClosePath, CurveTo, LineTo, MoveTo, QuadTo};
+    for element in path.elements() {
+        let _ = match element {
+            MoveTo(p) => write!(svg, "M{:.2} {:.2}", p.x, p.y),
+            LineTo(p) => write!(svg, "L{:.2} {:.2}", p.x, p.y),
+            QuadTo(p, q) => write!(svg, "Q{:.2} {:.2} {:.2} {:.2}", p.x, p.y, q.x, q.y),
+            CurveTo(p, q, r) => {
+                write!(svg, "C{:.2} {:.2} {:.2} {:.2} {:.2} {:.2}", p.x, p.y, q.x, q.y, r.x, r.y)
+            }
+            ClosePath => write!(svg, "Z"),
+        };
+    }
+}
+
+/// Returns a text without the characters that XML reserves or forbids.
+fn escaped(text: &str) -> String {
+    let mut result = String::with_capacity(text.len());
+    for character in text.chars() {
+        match character {
+            '<' => result.push_str("&lt;"),
+            '>' => result.push_str("&gt;"),
+            '&' => result.push_str("&amp;"),
+            '\u{fffe}' | '\u{ffff}' => {}
+            other if other.is_control() => result.push(' '),
+            other => result.push(other),
+        }
+    }
+    result
+}
+
+/// Returns the corners in the picture without duplicates, in pixels.
+fn corners(model: &Model<'_>, to_pixels: Affine, [width, height]: [f64; 2]) -> Vec<[f32; 2]> {
+    let picture = Rect::new(0.0, 0.0, width, height);
+    let pixels = model.corners.iter().map(|&corner| to_pixels * corner);
+    let mut corners: Vec<[f32; 2]> = pixels
+        .filter(|&pixel| picture.contains(pixel))
+        .map(|pixel| [pixel.x as f32, pixel.y as f32])
+        .collect();
+    corners.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    corners.dedup();
+    corners.truncate(MAX_CORNERS);
+    corners
+}
+
+fn notes(model: &Model<'_>, pairs: &Pairs<'_>, distant: usize) -> Vec<String> {
+    let mut notes = Vec::new();
+    if distant > 0 {
+        notes.push(format!("Not shown: {distant} lines far away from the plan."));
+    }
+    if model.is_cut {
+        notes.push("Not complete: the drawing exceeds the limit of lines or of blocks in blocks.".into());
+    }
+    if pairs.damaged_lines > 0 {
+        notes.push(format!("Skipped: {} damaged lines of the file.", pairs.damaged_lines));
+    }
+    if !model.ignored.is_empty() {
+        let kinds: Vec<String> =
+            model.ignored.iter().take(8).map(|(kind, count)| format!("{count} {kind}")).collect();
+        notes.push(format!("Not drawn: {}.", kinds.join(", ")));
+    }
+    notes
+}

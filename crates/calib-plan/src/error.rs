@@ -1,0 +1,50 @@
+//! Reasons why a drawing is not read.
+
+use thiserror::Error;
+
+/// Reason why a drawing is not read, with advice for the operator.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum PlanError {
+    /// Page number that the document does not have.
+    #[error("page {page} does not exist; the document has {pages} pages")]
+    Page {
+        /// Number of the page, from 1.
+        page: u32,
+        /// Number of pages.
+        pages: usize,
+    },
+    /// Name of a layer that the drawing does not have.
+    #[error("the drawing has no layer \"{layer}\"; its layers are {layers}")]
+    Layer {
+        /// Name of the layer.
+        layer: String,
+        /// Names of the layers of the drawing.
+        layers: String,
+    },
+    /// Drawing without visible lines.
+    #[error("the drawing has no lines in its model space{0}")]
+    Empty(String),
+    /// Document that is protected by a password.
+    #[error("the PDF is protected by a password; save it without the password")]
+    Password,
+    /// Damaged file.
+    #[error("the {kind} is damaged: {reason}; export it again")]
+    Damaged {
+        /// File type.
+        kind: &'static str,
+        /// Description of the damage.
+        reason: String,
+    },
+    /// Drawing that exceeds a limit of memory, time or nesting.
+    #[error("the {kind} is too large: {reason}")]
+    Limit {
+        /// File type.
+        kind: &'static str,
+        /// Limit, and advice.
+        reason: String,
+    },
+    /// File type that is not read here.
+    #[error("{0}")]
+    Unsupported(String),
+}

@@ -1,0 +1,41 @@
+//! Floor plans from drawings: PDF, DXF and SVG.
+//!
+//! A drawing has no pixels of its own. [`read`] chooses them by a fixed rule, so that pixel positions in a site
+//! file mean the same place in every program:
+//!
+//! - PDF: 150 pixels per inch of paper, fewer if a side would exceed 6,144 pixels;
+//! - DXF: a round number of drawing units per pixel, so that the longer side has 3,072 to 4,096 pixels;
+//! - SVG: 3,072 pixels on the longer side.
+//!
+//! The scale in metres is that of the drawing: the unit of a DXF, or a text such as "1:100" and the paper size of
+//! a PDF. Nothing is guessed: without these, the scale is unknown.
+//!
+//! Rule: a file may be hostile. Sizes, nesting and the number of points are limited, and a panic in a library is
+//! an error of the file. The modules, in data-flow order:
+//!
+//! - `error`: reasons why a drawing is not read;
+//! - `scale`: scales in texts;
+//! - `svg_memory`, `svg`: pixels of SVG documents;
+//! - `drawing`: result of reading, and recognition of file types;
+//! - `pdf`: pages of PDF documents, as SVG;
+//! - `dxf`: lines, texts and layers of DXF drawings, as SVG;
+//! - `read`: reading of a drawing of any type.
+
+// A module uses only the modules above it.
+mod error;
+mod scale;
+#[cfg(feature = "raster")]
+mod svg_memory;
+#[cfg(feature = "raster")]
+mod svg;
+mod drawing;
+#[cfg(feature = "pdf")]
+mod pdf;
+mod dxf;
+mod read;
+
+pub use drawing::{Drawing, DrawingFacts, DrawingKind, Layer, Picture, ScaleSource, View};
+pub use error::PlanError;
+pub use read::read;
+#[cfg(feature = "raster")]
+pub use svg::rasterise;
