@@ -29,7 +29,9 @@ fn read_pdf(bytes: &[u8], view: &View) -> Result<Drawing, PlanError> {
 
 #[cfg(not(feature = "pdf"))]
 fn read_pdf(_: &[u8], _: &View) -> Result<Drawing, PlanError> {
-    Err(PlanError::Unsupported("PDF plans are not part of this build; save the page as PNG".into()))
+    Err(PlanError::Unsupported(
+        "PDF plans are not read here; use the desktop app or `calib plan`, or save the page as PNG".into(),
+    ))
 }
 
 #[cfg(feature = "raster")]

@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
 /// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
-const REST: [&str; 54] = [
+const REST: [&str; 57] = [
     // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
@@ -31,7 +31,10 @@ const REST: [&str; 54] = [
     "calib_core::floor::coverage",
     "calib_core::floor::pixel_density",
     "roxmltree",
-    "kurbo::stroke",
+    "kurbo",
+    "calib_plan::dxf",
+    "calib_plan::read",
+    "calib_plan::scale",
     "jiff",
     "jiff_core",
     // Image files and image analysis.
@@ -76,8 +79,8 @@ const REST: [&str; 54] = [
 /// Deserialisation: a function whose name contains it and one of the crates of [`DOCUMENT`] reads a site.
 const DESERIALISATION: &str = "serde_core::de";
 
-/// Crates whose types are in site files.
-const DOCUMENT: [&str; 2] = ["calib_site", "calib_core"];
+/// Crates whose types are in site files and in answers of workers.
+const DOCUMENT: [&str; 3] = ["calib_site", "calib_core", "calib_plan"];
 
 /// Length below which a function stays in the first part, in bytes. A call into the second part takes as many
 /// bytes.
