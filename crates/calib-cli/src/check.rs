@@ -26,6 +26,9 @@ pub(crate) struct Args {
     /// Accept a finding by its code (misfit, two-solutions, ...); separate several with commas, or repeat
     #[arg(long, value_name = "CODE", value_delimiter = ',', value_parser = code)]
     allow: Vec<Code>,
+    /// Also fail cameras whose heights above the floor are unknown while lengths on the floor are known
+    #[arg(long)]
+    heights: bool,
     /// List all failed and accepted findings of each camera, with advice
     #[arg(long)]
     explain: bool,
@@ -94,7 +97,12 @@ struct CameraResult<'a> {
 impl<'a> CameraResult<'a> {
     fn new(site: &Site, index: usize, camera: &'a SiteCamera, args: &Args) -> Self {
         let all = faults(site, index, camera, args);
-        let (allowed, faults) = all.into_iter().partition(|fault| fault.is_allowed(args));
+        let heights_known = camera.solution.as_ref().and_then(|solution| solution.heights_known);
+        // The focal length of a camera that looks down changes heights alone.
+        let is_height = |fault: &Fault| {
+            !args.heights && heights_known == Some(false) && fault.code == Some(Code::FocalUnobservable)
+        };
+        let (allowed, faults) = all.into_iter().partition(|fault| fault.is_allowed(args) || is_height(fault));
         Self { camera, faults, allowed }
     }
 
@@ -262,7 +270,8 @@ fn checked_numbers(solution: &Solution) -> String {
     let floor = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel);
     let floor = floor.map_or_else(String::new, |rel| format!(", floor lengths \u{b1} {:.1} %", 100.0 * rel));
     let rms = solution.rms_px.map_or_else(String::new, |rms| format!(", RMS residual {rms:.2} px"));
-    format!(" ({}{floor}{rms})", crate::solve::stage_name(solution.stage))
+    let heights = if solution.heights_known == Some(false) { ", heights unknown" } else { "" };
+    format!(" ({}{floor}{heights}{rms})", crate::solve::stage_name(solution.stage))
 }
 
 /// Returns the faults of a camera for numbers that exceed their limits.

@@ -5,7 +5,7 @@
 use calib_core::outcome::DisconnectionReason;
 use calib_core::single::straightness_rms;
 use calib_core::{Code, Finding, Kind, Parameter, Severity, Subject};
-use calib_site::{Names, Report, Site, Stage, Warning, counted};
+use calib_site::{Distance, Names, Report, Site, Stage, Warning, counted};
 
 use crate::session::Session;
 
@@ -16,7 +16,15 @@ pub fn site_subject(site: &Site, report: &Report, warning: &Warning) -> Option<S
     let matches_warning = |finding: &Finding| {
         finding.code() == warning.code && site.describe_finding(None, finding, Names::InFile) == *warning
     };
-    possible_findings(site, report).find(matches_warning).map(|finding| finding.subject())
+    // The text about a distance contains measured lengths, so its subject is recognised by the names of its ends.
+    let names_ends = |distance: &Distance| {
+        warning.code == Code::Outlier
+            && distance.between.iter().all(|id| warning.message.contains(&format!("\"{id}\"")))
+    };
+    let finding = possible_findings(site, report).find(matches_warning);
+    finding
+        .map(|finding| finding.subject())
+        .or_else(|| site.distances.iter().position(names_ends).map(Subject::Distance))
 }
 
 /// Returns all findings about the whole site that a report of this site may contain.
@@ -29,7 +37,6 @@ fn possible_findings<'a>(site: &'a Site, report: &'a Report) -> impl Iterator<It
         let worst = seen.max_by(|a, b| a.px.total_cmp(&b.px))?;
         Some(Finding::ElementOutlier { element, worst: Some((index(&worst.camera)?, worst.px)) })
     });
-    let distances = (0..site.distances.len()).map(|distance| Finding::DistanceOutlier { distance });
     let sliding = (0..site.cameras.len()).map(|camera| Finding::UndeterminedPosition { camera });
     let components = report.site.components.iter().map(move |ids| ids.iter().filter_map(index).collect());
     let of_components = components.flat_map(|cameras: Vec<usize>| {
@@ -45,7 +52,7 @@ fn possible_findings<'a>(site: &'a Site, report: &'a Report) -> impl Iterator<It
             .map(move |root| Finding::ScaleUnknown { cameras: cameras.clone(), root });
         apart.into_iter().chain(unscaled).collect::<Vec<_>>()
     });
-    elements.chain(distances).chain(sliding).chain(of_components)
+    elements.chain(sliding).chain(of_components)
 }
 
 /// Work step of a camera.

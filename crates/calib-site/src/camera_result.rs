@@ -32,6 +32,10 @@ impl CameraResult {
     fn into_document(self, site: &Site, camera: usize) -> (Solution, Vec<Finding>) {
         let Self { mut solution, findings, sketches } = self;
         solution.warnings.extend(site.warnings(Some(camera), &findings));
+        let is_height_unknown = |finding: &Finding| {
+            matches!(finding, Finding::FocalUnobservable { looks_down: true, good_floor: Some(_), .. })
+        };
+        solution.heights_known = findings.iter().any(is_height_unknown).then_some(false);
         if let Some((best, others)) = sketches.split_first() {
             let otherwise = others.iter().map(SuggestionEntry::from).collect();
             solution.draw_next = Some(SuggestionEntry { otherwise, ..SuggestionEntry::from(best) });

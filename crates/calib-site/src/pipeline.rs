@@ -25,7 +25,7 @@ use calib_core::camera::{Camera, Covariance, Distortion, FloorPoint, Lens, Pixel
 use calib_core::floor::{default_efov, efov_on_plane};
 use calib_core::outcome::{Code, Failure, Finding, ResidualOf, SharedEvidence};
 use calib_core::single::{
-    Constraints, FixedParameters, InvalidSegment, MAX_LOG_FOCAL_SIGMA, PlanePrior, PrincipalPointPrior,
+    Constraints, FixedParameters, InvalidSegment, Kind, MAX_LOG_FOCAL_SIGMA, PlanePrior, PrincipalPointPrior,
     Priors, SceneErrors, contradictory_uprights, is_inconsistent,
 };
 
@@ -414,6 +414,23 @@ fn apply_joint_estimate(
     }
 }
 
+/// Adds the entered and the measured length to the findings about rejected known lengths.
+fn add_lengths(entry: &SiteCamera, camera: &Camera, findings: &mut [Finding]) {
+    for finding in findings {
+        let Finding::LineOutlier { line, lengths, .. } = finding else { continue };
+        let annotation = entry.annotations.get(line.annotation);
+        let Some(annotation) = annotation.filter(|annotation| annotation.kind == Kind::KnownLength) else {
+            continue;
+        };
+        let ends = annotation.segments.iter().flatten().nth(line.segment);
+        let ends = ends.and_then(|points| Some([*points.first()?, *points.last()?]));
+        let feet = ends.map(|ends| ends.map(|pixel| camera.pixel_to_floor(pixel, 0.0)));
+        if let (Some([Some(a), Some(b)]), Some(entered)) = (feet, annotation.length_m) {
+            *lengths = Some([entered, a.distance(b)]);
+        }
+    }
+}
+
 /// Adds the findings about the lens and the lines of a camera. If the lines contradict the entered principal
 /// point, the uncertainty is unknown.
 fn add_single_findings(entry: &SiteCamera, first: &SingleFit, camera: &Camera, result: &mut CameraResult) {
@@ -424,6 +441,7 @@ fn add_single_findings(entry: &SiteCamera, first: &SingleFit, camera: &Camera, r
     findings.extend(check_principal_point(entry, first, camera));
     findings.extend(check_pixels(entry));
     findings.extend(height_findings(entry, camera, findings));
+    add_lengths(entry, camera, findings);
     if first.other_centre.is_some() {
         solution.set_uncertainty(&Camera { covariance: Covariance::UNKNOWN, ..*camera }, None);
         let is_replaced = |code: Code| matches!(code, Code::Weak | Code::Unusable | Code::UncertaintyUnknown);

@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 
 use calib_core::bundle::{
-    LANDMARK_PARAMS, Landmark, LandmarkModel, Observation, OutlierCandidate, triangulate,
+    DistanceMeasurement, LANDMARK_PARAMS, Landmark, LandmarkModel, Observation, OutlierCandidate, triangulate,
 };
 use calib_core::camera::{Camera, Covariance, ObservedPixel, Pixel, PosedCamera};
 use calib_core::floor::{default_efov, efov_on_floor};
@@ -304,7 +304,10 @@ fn rejected_elements(
             is_element.then_some(Finding::ElementOutlier { element, worst })
         }
         OutlierCandidate::Distance(measurement) => {
-            Some(Finding::DistanceOutlier { distance: bundle.measurements[measurement].0 })
+            let (distance, DistanceMeasurement { between, length, .. }) = bundle.measurements[measurement];
+            let [a, b] = between.map(|landmark| bundle.landmarks[landmark].1.position());
+            let lengths = [length.value, a.distance(b)];
+            Some(Finding::DistanceOutlier { distance, lengths })
         }
     };
     bundle.rejected.iter().filter_map(finding)

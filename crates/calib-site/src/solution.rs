@@ -134,6 +134,10 @@ document! {
         /// Degrees of freedom: number of residuals minus number of unknowns.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         dof: Option<usize>,
+        /// `false` if lengths on the floor are known, but heights above it are not: the camera looks down, and
+        /// nothing determines its focal length. Absent otherwise.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        heights_known: Option<bool>,
         /// Effective field of view (EFOV) projected onto the floor, in metres.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         efov_m: Vec<FloorPoint>,
@@ -376,6 +380,7 @@ impl Solution {
             rms_px: None,
             chi2: None,
             dof: None,
+            heights_known: None,
             efov_m: Vec::new(),
             residuals: Vec::new(),
             alternatives: Vec::new(),

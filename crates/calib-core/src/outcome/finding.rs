@@ -152,6 +152,8 @@ pub enum Finding {
         line: Source,
         /// Residual of the line, in pixels; `None` if the line is above the horizon.
         px: Option<f64>,
+        /// Entered length, and length according to the other lines, in metres; `None` for lines without length.
+        lengths: Option<[f64; 2]>,
     },
     /// The residuals are too large for the annotation noise.
     Misfit {
@@ -392,6 +394,8 @@ pub enum Finding {
     DistanceOutlier {
         /// Index of the distance.
         distance: usize,
+        /// Entered length, and length according to the other measurements, in metres.
+        lengths: [f64; 2],
     },
     /// Cameras are not connected to the rest of the site.
     NotConnected {
@@ -558,7 +562,7 @@ impl Finding {
             }
             Self::ElementOutlier { element, .. } => *element,
             Self::OutOfDate { subject: what, .. } | Self::PointsOutside { first: what, .. } => *what,
-            Self::DistanceOutlier { distance } => Subject::Distance(*distance),
+            Self::DistanceOutlier { distance, .. } => Subject::Distance(*distance),
             Self::NotConnected { cameras, .. } => {
                 cameras.first().map_or(Subject::Site, |&camera| Subject::Camera(camera))
             }

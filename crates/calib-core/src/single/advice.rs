@@ -181,6 +181,7 @@ pub fn findings(fit: &Fit, next: Option<Suggestion>) -> Vec<Finding> {
     findings.extend(fit.outliers.iter().map(|&source| Finding::LineOutlier {
         line: source,
         px: residual_px(fit, source).filter(|px| px.is_finite()),
+        lengths: None,
     }));
     if fit.is_misfit {
         findings.push(misfit(fit));

@@ -62,7 +62,7 @@ impl SentenceContext<'_> {
             F::PointsOutside { .. } => self.points_outside(finding),
             F::BelowFloor { height } => format!("The camera is {:.2} m below the floor.", -height),
             F::NoFloor => "No floor is visible in the field of view of the camera.".into(),
-            F::LineOutlier { line, px } => self.line_outlier(*line, *px),
+            F::LineOutlier { line, px, lengths } => self.line_outlier(*line, *px, *lengths),
             F::Misfit { chi2, dof, worst } => self.misfit(*chi2, *dof, *worst),
             F::ContradictoryUprights { lowest, highest } => self.heights_apart(*lowest, *highest),
             F::JointMisfit { chi2, dof } => joint_misfit(*chi2, *dof),
@@ -110,7 +110,7 @@ impl SentenceContext<'_> {
         match finding {
             F::ControlPointOutlier { camera, point } => self.control_point_outlier(*camera, *point),
             F::ElementOutlier { element, worst } => self.element_outlier(*element, *worst),
-            F::DistanceOutlier { distance } => self.distance_outlier(*distance),
+            F::DistanceOutlier { distance, lengths } => self.distance_outlier(*distance, *lengths),
             F::NotConnected { cameras, reason: why } => self.not_connected(cameras, *why),
             F::UndeterminedPosition { camera } => {
                 format!("The links of {} do not determine its position.", self.id(*camera))

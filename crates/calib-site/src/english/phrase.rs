@@ -139,8 +139,14 @@ impl SentenceContext<'_> {
         }
     }
 
-    pub(super) fn line_outlier(&self, line: Source, px: Option<f64>) -> String {
+    pub(super) fn line_outlier(&self, line: Source, px: Option<f64>, lengths: Option<[f64; 2]>) -> String {
         let line = self.line_of(line);
+        if let Some([entered, found]) = lengths {
+            return format!(
+                "{line} was rejected: its length is {entered:.2} m as entered, but {found:.2} m according to the other lines and heights.{}",
+                feet(entered / found)
+            );
+        }
         match px {
             Some(px) => format!("{line} contradicts the other lines by {px:.1} px and was rejected."),
             None => format!("{line} is above the horizon of the other lines and was rejected."),
@@ -151,7 +157,8 @@ impl SentenceContext<'_> {
         let [(low, lowest), (high, highest)] =
             [lowest, highest].map(|(line, height)| (self.line_of(line), height));
         format!(
-            "Uprights contradict each other: the camera height is {lowest:.2} m from {low}, but {highest:.2} m from {high}."
+            "Uprights contradict each other: the camera height is {lowest:.2} m from {low}, but {highest:.2} m from {high}.{}",
+            feet(highest / lowest)
         )
     }
 
@@ -268,8 +275,12 @@ impl SentenceContext<'_> {
         format!("{element} contradicts the others and was rejected{far}.")
     }
 
-    pub(super) fn distance_outlier(&self, distance: usize) -> String {
-        format!("The {} contradicts the other measurements and was rejected.", self.distance(distance))
+    pub(super) fn distance_outlier(&self, distance: usize, [entered, found]: [f64; 2]) -> String {
+        format!(
+            "The {} was rejected: it is {entered:.2} m as entered, but {found:.2} m according to the other measurements.{}",
+            self.distance(distance),
+            feet(entered / found)
+        )
     }
 
     pub(super) fn not_connected(&self, cameras: &[usize], why: DisconnectionReason) -> String {
@@ -452,9 +463,24 @@ pub(super) fn scale_assumed(height: f64) -> String {
     format!("The scale is unknown: a camera height of {height:.2} m is assumed.")
 }
 
+/// Returns a sentence if a ratio of contradictory lengths is that of metres and feet; otherwise nothing.
+fn feet(ratio: f64) -> &'static str {
+    const FEET_PER_METRE: f64 = 1.0 / 0.3048;
+    /// Largest difference of the ratios.
+    const TOLERANCE: f64 = 0.06;
+    let is_near = |expected: f64| (ratio / expected - 1.0).abs() < TOLERANCE;
+    match () {
+        () if is_near(FEET_PER_METRE) || is_near(1.0 / FEET_PER_METRE) => {
+            " The ratio is 3.28: one of them seems to be in feet. Enter all lengths in metres (1 ft is 0.3048 m)."
+        }
+        () => "",
+    }
+}
+
 pub(super) fn scale_conflict(estimated: f64, placed: f64) -> String {
     format!(
-        "The camera height is {estimated:.2} m from the annotations and entered values, but {placed:.2} m from its placement."
+        "The camera height is {estimated:.2} m from the annotations and entered values, but {placed:.2} m from its placement.{}",
+        feet(estimated / placed)
     )
 }
 

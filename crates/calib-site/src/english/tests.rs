@@ -97,7 +97,7 @@ fn camera_findings() -> Vec<(Finding, Subject)> {
         (F::Weak { floor_length_rel: 0.05, scale_rel: None, next }, Subject::Floor),
         (F::Unusable { floor_length_rel: 0.2, scale_rel: Some(0.19), next: None }, Subject::Floor),
         (F::NoFloor, Subject::Floor),
-        (F::LineOutlier { line: LINE, px: Some(12.0) }, Subject::Line(LINE)),
+        (F::LineOutlier { line: LINE, px: Some(12.0), lengths: None }, Subject::Line(LINE)),
         (F::Misfit { chi2: 90.0, dof: 4, worst: Some((LINE, 9.0)) }, Subject::Line(LINE)),
         (F::JointMisfit { chi2: 90.0, dof: 4 }, Subject::Site),
         (F::CurvedEdges { px: 4.0, px_without_lens: 5.0 }, Subject::Lens),
@@ -147,7 +147,7 @@ fn site_findings() -> Vec<(Finding, Subject)> {
     let distance = Subject::Distance(0);
     vec![
         (F::ElementOutlier { element: Subject::Link(0), worst: Some((0, 30.0)) }, Subject::Link(0)),
-        (F::DistanceOutlier { distance: 0 }, distance),
+        (F::DistanceOutlier { distance: 0, lengths: [4.0, 2.0] }, distance),
         (
             F::NotConnected { cameras: vec![0], reason: DisconnectionReason::PlacedByOperator },
             Subject::Camera(0),
@@ -253,7 +253,7 @@ fn notes_do_not_fail_the_check_of_a_camera() {
 
 #[test]
 fn screen_names_lines_and_file_names_annotations() {
-    let (site, finding) = (site(), Finding::LineOutlier { line: LINE, px: Some(12.0) });
+    let (site, finding) = (site(), Finding::LineOutlier { line: LINE, px: Some(12.0), lengths: None });
     let message = |names| site.describe_finding(Some(0), &finding, names).message;
     assert!(message(Names::InFile).starts_with("V2 of Vertical (annotation 0) contradicts"));
     assert!(message(Names::OnScreen).starts_with("V2 contradicts"));

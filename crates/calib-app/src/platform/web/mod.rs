@@ -23,7 +23,7 @@ use crate::platform::{Answer, Platform, Recovery, Stills};
 
 pub use task::Task;
 
-pub(crate) use worker::{COMPARE, PROPOSE, RECOVER, REFINE};
+pub(crate) use worker::{COMPARE, DRAWING, PROPOSE, RECOVER, REFINE};
 
 /// Browser platform.
 #[derive(Clone, Copy, Debug)]
