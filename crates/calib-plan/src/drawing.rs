@@ -1,6 +1,12 @@
 //! Result of reading a drawing, and recognition of file types.
 
 use image::RgbImage;
+
+#[cfg(feature = "raster")]
+use crate::guard::guarded;
+#[cfg(feature = "raster")]
+use crate::svg::rasterise;
+
 use serde::{Deserialize, Serialize};
 
 /// File type of a drawing.
@@ -167,7 +173,10 @@ impl Drawing {
     pub fn into_image(self) -> Result<RgbImage, crate::error::PlanError> {
         match self.picture {
             Picture::Pixels(image) => Ok(image),
-            Picture::Svg(text) => crate::svg::rasterise(text.as_bytes(), Some(self.facts.size)),
+            Picture::Svg(text) => {
+                let size = self.facts.size;
+                guarded("drawing", move || rasterise(text.as_bytes(), Some(size)))
+            }
         }
     }
 }

@@ -7,20 +7,12 @@ use thiserror::Error;
 #[non_exhaustive]
 pub enum PlanError {
     /// Page number that the document does not have.
-    #[error("page {page} does not exist; the document has {pages} pages")]
+    #[error("page {page} does not exist; the last page is {pages}")]
     Page {
         /// Number of the page, from 1.
         page: u32,
         /// Number of pages.
         pages: usize,
-    },
-    /// Name of a layer that the drawing does not have.
-    #[error("the drawing has no layer \"{layer}\"; its layers are {layers}")]
-    Layer {
-        /// Name of the layer.
-        layer: String,
-        /// Names of the layers of the drawing.
-        layers: String,
     },
     /// Drawing without visible lines.
     #[error("the drawing has no lines in its model space{0}")]

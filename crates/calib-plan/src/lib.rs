@@ -1,6 +1,6 @@
 //! Floor plans from drawings: PDF, DXF and SVG.
 //!
-//! A drawing has no pixels of its own. [`read`] chooses them by a fixed rule, so that pixel positions in a site
+//! A drawing consists of lines, not of pixels. [`read`] chooses the pixels by a fixed rule, so that pixel positions in a site
 //! file mean the same place in every program:
 //!
 //! - PDF: 150 pixels per inch of paper, fewer if a side would exceed 6,144 pixels;
@@ -15,6 +15,7 @@
 //!
 //! - `error`: reasons why a drawing is not read;
 //! - `scale`: scales in texts;
+//! - `guard`: limits for the work of libraries;
 //! - `svg_memory`, `svg`: pixels of SVG documents;
 //! - `drawing`: result of reading, and recognition of file types;
 //! - `pdf`: pages of PDF documents, as SVG;
@@ -23,7 +24,10 @@
 
 // A module uses only the modules above it.
 mod error;
+#[cfg(feature = "pdf")]
 mod scale;
+#[cfg(any(feature = "pdf", feature = "raster"))]
+mod guard;
 #[cfg(feature = "raster")]
 mod svg_memory;
 #[cfg(feature = "raster")]

@@ -1,6 +1,5 @@
 //! Pages of PDF documents.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 use hayro_svg::hayro_interpret::font::GlyphRun;
@@ -16,6 +15,7 @@ use kurbo::{Affine, BezPath, Rect};
 
 use crate::drawing::{Drawing, DrawingFacts, DrawingKind, Picture, ScaleSource};
 use crate::error::PlanError;
+use crate::guard::guarded;
 use crate::scale::denominators;
 
 /// Resolution of a page, in pixels per inch.
@@ -31,53 +31,12 @@ const MAX_TEXT_BYTES: usize = 1 << 20;
 
 /// Reads a page of a document, from 1.
 pub(crate) fn read(bytes: &[u8], page: u32) -> Result<Drawing, PlanError> {
-    guarded(bytes.to_vec(), page)
-}
-
-/// Reads a page in a thread, because a hostile page can take hours or use the whole stack.
-#[cfg(not(target_arch = "wasm32"))]
-fn guarded(bytes: Vec<u8>, page: u32) -> Result<Drawing, PlanError> {
-    use std::sync::mpsc::{RecvTimeoutError, channel};
-    use std::time::Duration;
-    /// Longest time for a page, in seconds.
-    const MAX_SECONDS: u64 = 60;
-    /// Stack of the thread, in bytes.
-    const STACK_BYTES: usize = 64 << 20;
-    let (sender, receiver) = channel();
-    let thread = std::thread::Builder::new().stack_size(STACK_BYTES);
-    let started = thread.spawn(move || {
-        // The receiver may be gone after the time limit.
-        let _ = sender.send(unwinding(bytes, page));
-    });
-    started.map_err(|error| too_large(error.to_string()))?;
-    receiver.recv_timeout(Duration::from_secs(MAX_SECONDS)).unwrap_or_else(|error| {
-        Err(match error {
-            RecvTimeoutError::Timeout => {
-                too_large(format!("the page takes over {MAX_SECONDS} s; export it as PNG"))
-            }
-            RecvTimeoutError::Disconnected => damaged("the page cannot be drawn"),
-        })
-    })
-}
-
-/// Reads a page; the page in the browser is stopped by its worker.
-#[cfg(target_arch = "wasm32")]
-fn guarded(bytes: Vec<u8>, page: u32) -> Result<Drawing, PlanError> {
-    unwinding(bytes, page)
-}
-
-/// Reads a page; a panic of the library is an error of the file.
-fn unwinding(bytes: Vec<u8>, page: u32) -> Result<Drawing, PlanError> {
-    catch_unwind(AssertUnwindSafe(|| read_page(bytes, page)))
-        .unwrap_or_else(|_| Err(damaged("the page cannot be drawn")))
+    let bytes = bytes.to_vec();
+    guarded("PDF", move || read_page(bytes, page))
 }
 
 fn damaged(reason: &str) -> PlanError {
     PlanError::Damaged { kind: "PDF", reason: reason.into() }
-}
-
-fn too_large(reason: String) -> PlanError {
-    PlanError::Limit { kind: "PDF", reason }
 }
 
 fn read_page(bytes: Vec<u8>, number: u32) -> Result<Drawing, PlanError> {

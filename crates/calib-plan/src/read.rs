@@ -36,7 +36,8 @@ fn read_pdf(_: &[u8], _: &View) -> Result<Drawing, PlanError> {
 
 #[cfg(feature = "raster")]
 fn read_svg(bytes: &[u8]) -> Result<Drawing, PlanError> {
-    let image = crate::svg::rasterise(bytes, None)?;
+    let bytes = bytes.to_vec();
+    let image = crate::guard::guarded("SVG", move || crate::svg::rasterise(&bytes, None))?;
     let facts = DrawingFacts::new(DrawingKind::Svg, image.dimensions().into());
     Ok(Drawing { picture: Picture::Pixels(image), facts })
 }
@@ -132,8 +133,10 @@ mod tests {
         let walls = read_dxf(&text, Some(&["w", "Grid"])).unwrap();
         assert_eq!((walls.facts.size, walls.facts.origin_px), (all.facts.size, all.facts.origin_px));
         assert!(darkness(&walls, [5.5e3, 5e3]) == 0 && darkness(&walls, [1e4, 4e3]) > 50);
-        let error = read_dxf(&text, Some(&["Walls"])).unwrap_err().to_string();
-        assert!(error.contains("\"Walls\"") && error.contains("Furniture"), "{error}");
+        // Layers of an older version of the drawing are reported, and the usual ones shown.
+        let renamed = read_dxf(&text, Some(&["Walls"])).unwrap();
+        assert_eq!(renamed.facts.notes, ["Layers that the drawing does not have: Walls."]);
+        assert_eq!(renamed.facts.layers, all.facts.layers);
     }
 
     #[test]
@@ -235,7 +238,7 @@ mod tests {
         let near = read_dxf(&dxf(4, "", "", &entities), None).unwrap();
         let far = read_dxf(&dxf(4, "", "", &(entities + &line("W", [1e9, 1e9, 1e9, 2e9]))), None).unwrap();
         assert_eq!(far.facts.size, near.facts.size);
-        assert_eq!(far.facts.notes, ["Not shown: 1 lines far away from the plan."]);
+        assert_eq!(far.facts.notes, ["Lines far away from the plan are not shown: 1."]);
     }
 
     #[test]
@@ -252,7 +255,16 @@ mod tests {
         let hidden = dxf(4, &layer("W", -7), "", &hall());
         assert!(read_dxf(&hidden, None).unwrap_err().to_string().contains("hidden layers: W"));
         let skipped = dxf(4, "", "", &hall().replacen("0\nLINE", "oops\n0\nLINE", 2));
-        assert_eq!(read_dxf(&skipped, None).unwrap().facts.notes, ["Skipped: 2 damaged lines of the file."]);
+        assert_eq!(
+            read_dxf(&skipped, None).unwrap().facts.notes,
+            ["Damaged lines of the file were skipped: 2."]
+        );
+        let tiny = hall() + &pairs("CIRCLE", &[(10, 0.0), (20, 0.0), (40, 1e-322)]);
+        assert!(read_dxf(&dxf(4, "", "", &tiny), None).is_ok());
+        let absent = hall() + &insert("NONE").repeat(1000);
+        assert!(read_dxf(&dxf(4, "", "", &absent), None).unwrap().facts.notes[0].contains("limit"));
+        let outside = "0\nSECTION\n0\nENDSEC\n".to_owned() + &"0\nA\n".repeat(300_000);
+        assert!(read_dxf(&outside, None).is_err());
         let huge = dxf(4, "", "", &(hall() + &line("W", [f64::MAX, 0.0, 1e300, f64::NAN])));
         assert_eq!(read_dxf(&huge, None).unwrap().facts.size, [4048, 2448]);
         let dwg = read(b"AC1032\0\0\0", &View::default()).unwrap().unwrap_err().to_string();
@@ -320,7 +332,7 @@ mod tests {
         assert!((metres / (1e6 / 72.0 * 0.0254 * 500.0) - 1.0).abs() < 1e-6, "{metres}");
         let view = View { page: Some(2), layers: None };
         let missing = read(&pdf(100.0, 100.0, "", ""), &view).unwrap().unwrap_err().to_string();
-        assert_eq!(missing, "page 2 does not exist; the document has 1 pages");
+        assert_eq!(missing, "page 2 does not exist; the last page is 1");
         let cut = &pdf(100.0, 100.0, "", "")[..60];
         assert!(read(cut, &View::default()).unwrap().is_err());
     }

@@ -50,11 +50,11 @@ pub fn rasterise(bytes: &[u8], size: Option<[u32; 2]>) -> Result<RgbImage, PlanE
 }
 
 fn damaged(reason: String) -> PlanError {
-    PlanError::Damaged { kind: "SVG", reason }
+    PlanError::Damaged { kind: "drawing", reason }
 }
 
 fn too_large(reason: String) -> PlanError {
-    PlanError::Limit { kind: "SVG", reason }
+    PlanError::Limit { kind: "drawing", reason }
 }
 
 fn parse(bytes: &[u8]) -> Result<Tree, PlanError> {

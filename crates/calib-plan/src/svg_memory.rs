@@ -10,7 +10,9 @@ use resvg::usvg::filter::{Filter, Kind};
 use resvg::usvg::{ClipPath, Group, ImageKind, Mask, Node, Paint, Path, Pattern, Transform, Tree};
 
 /// Largest number of visited nodes; patterns that contain each other would otherwise never end.
-const MAX_NODES: usize = 200_000;
+const MAX_NODES: usize = 2_000_000;
+/// Number of nodes for which a node in a pattern counts: it is drawn again for every use of the pattern.
+const PATTERN_NODE_COST: usize = 10;
 /// Largest side of a layer divided by that of the image.
 const MAX_LAYER_RATIO: f64 = 5.0;
 /// Number of working layers of a filter, in addition to the result of each filter step.
@@ -23,7 +25,7 @@ const BYTES_PER_PIXEL: f64 = 4.0;
 /// Returns the memory for rasterising a drawing at this size, in bytes; `None` if it is unbounded.
 pub(super) fn bytes_to_draw(tree: &Tree, zoom: Transform, size: [u32; 2]) -> Option<f64> {
     let size = size.map(f64::from);
-    let mut walk = Walk { nodes: 0 };
+    let mut walk = Walk { nodes: 0, cost: 1 };
     Some(BYTES_PER_PIXEL * (area(size) + walk.children(tree.root(), Place::picture(zoom, size))?))
 }
 
@@ -70,6 +72,8 @@ impl Place {
 struct Walk {
     /// Number of visited nodes.
     nodes: usize,
+    /// Number of nodes for which a node counts.
+    cost: usize,
 }
 
 impl Walk {
@@ -82,7 +86,7 @@ impl Walk {
     }
 
     fn node(&mut self, node: &Node, place: Place) -> Option<f64> {
-        self.nodes += 1;
+        self.nodes += self.cost;
         if self.nodes > MAX_NODES {
             return None;
         }
@@ -180,6 +184,9 @@ impl Walk {
         let rect = pattern.rect();
         let canvas = [rect.width() * x, rect.height() * y].map(f64::from);
         let tile = Place { to_pixels: Transform::from_scale(x, y), canvas, ..place };
-        Some(area(canvas) + self.children(pattern.root(), tile)?)
+        let outer = std::mem::replace(&mut self.cost, PATTERN_NODE_COST);
+        let inner = self.children(pattern.root(), tile);
+        self.cost = outer;
+        Some(area(canvas) + inner?)
     }
 }

@@ -11,6 +11,8 @@ use super::pairs::{Record, integer, number};
 
 /// Tolerance of curves as a share of their radius.
 const TOLERANCE: f64 = 1e-3;
+/// Smallest radius or chord of a curve, in drawing units. The tolerance of smaller ones would be zero.
+const MIN_SIZE: f64 = 1e-9;
 /// Number of points on a spline per control point.
 const POINTS_PER_CONTROL: usize = 8;
 /// Largest number of control points of a spline.
@@ -109,7 +111,7 @@ fn counter_clockwise(start: f64, end: f64) -> f64 {
 
 fn elliptic(center: Point, radii: Vec2, start: f64, sweep: f64, rotation: f64) -> Option<BezPath> {
     let size = radii.x.max(radii.y);
-    if size <= 0.0 {
+    if size < MIN_SIZE {
         return None;
     }
     let arc = Arc::new(center, radii, start, sweep, rotation);
@@ -161,7 +163,7 @@ pub(super) fn through(vertices: &[Vertex], is_closed: bool) -> Option<BezPath> {
 fn add_bulge(path: &mut BezPath, from: Vertex, to: Point) {
     let chord = to - from.at;
     let bulge = from.bulge;
-    if bulge.abs() < 1e-6 || chord.hypot() == 0.0 {
+    if bulge.abs() < 1e-6 || chord.hypot() < MIN_SIZE {
         path.line_to(to);
         return;
     }
@@ -242,6 +244,7 @@ pub(super) fn hatch(record: &Record<'_>) -> Option<BezPath> {
             92 => {
                 outline.append(&mut polyline);
                 finish(&mut outline);
+                kind = 0;
                 is_polyline = integer(&pair.value).unwrap_or(0) & 2 != 0;
             }
             10 if is_polyline => polyline.push(Vertex { at: Point::new(value, 0.0), bulge: 0.0 }),
@@ -265,7 +268,7 @@ pub(super) fn hatch(record: &Record<'_>) -> Option<BezPath> {
             40 => edge[4] = value,
             50 => edge[5] = value,
             51 => edge[6] = value,
-            73 if kind == 2 => outline.extend(arc_vertices(&edge, value > 0.5)),
+            73 if kind == 2 && !is_polyline => outline.extend(arc_vertices(&edge, value > 0.5)),
             _ => {}
         }
     }

@@ -12,12 +12,15 @@ use super::tables::{BASE_LAYER, LayerEntry, Tables, decoded, indexed_colour, key
 
 /// Largest depth of blocks in blocks.
 const MAX_DEPTH: usize = 16;
-/// Largest number of visited records. A block that contains others many times would otherwise never end.
-const MAX_RECORDS: usize = 2_000_000;
+/// Largest number of visited pairs and copies of blocks. A block that contains others many times would otherwise
+/// never end.
+const MAX_WORK: usize = 20_000_000;
 /// Largest number of points of all paths.
 const MAX_POINTS: usize = 4_000_000;
 /// Largest number of texts.
 const MAX_TEXTS: usize = 20_000;
+/// Largest length of a text, in characters.
+const MAX_TEXT_LENGTH: usize = 200;
 /// Largest number of columns or rows of an array of blocks.
 const MAX_ARRAY: i64 = 1000;
 
@@ -67,7 +70,8 @@ pub(super) struct Model<'a> {
     pub(super) ignored: BTreeMap<String, usize>,
     /// Whether a limit ended the drawing early.
     pub(super) is_cut: bool,
-    records: usize,
+    /// Number of visited pairs and copies of blocks.
+    work: usize,
     points: usize,
 }
 
@@ -86,7 +90,7 @@ impl<'a> Model<'a> {
             counts: BTreeMap::new(),
             ignored: BTreeMap::new(),
             is_cut: false,
-            records: 0,
+            work: 0,
             points: 0,
         };
         let style = Style { layer: BASE_LAYER, colour: indexed_colour(7) };
@@ -106,12 +110,9 @@ impl<'a> Model<'a> {
         let mut index = 0;
         while let Some(record) = records.get(index) {
             index += 1;
-            self.records += 1;
-            if self.records > MAX_RECORDS || self.points > MAX_POINTS {
-                self.is_cut = true;
+            if !self.has_capacity(1 + record.pairs.len()) {
                 return;
-            }
-            // The vertices of a polyline are records of their own, up to SEQEND.
+            } // The vertices of a polyline are records of their own, up to SEQEND.
             let parts = match record.kind {
                 "POLYLINE" => records[index..].iter().take_while(|part| part.kind == "VERTEX").count(),
                 _ => 0,
@@ -133,6 +134,14 @@ impl<'a> Model<'a> {
         }
     }
 
+    /// Counts work; returns whether the drawing is within its limits.
+    fn has_capacity(&mut self, work: usize) -> bool {
+        self.work += work;
+        let has_capacity = self.work <= MAX_WORK && self.points <= MAX_POINTS;
+        self.is_cut |= !has_capacity;
+        has_capacity
+    }
+
     fn colour(&self, record: &Record<'_>, layer: &str, outer: Style<'_>) -> [u8; 3] {
         if let Some(value) = record.integer(420) {
             return true_colour(value);
@@ -150,7 +159,8 @@ impl<'a> Model<'a> {
 
     /// Adds the copies of a block at an insertion.
     fn add_insertion(&mut self, record: &Record<'_>, at: Affine, style: Style<'_>, depth: usize) {
-        let Some(place) = point(record, [10, 20]) else { return };
+        let is_hidden = self.tables.layer(style.layer).is_frozen;
+        let Some(place) = point(record, [10, 20]).filter(|_| !is_hidden) else { return };
         let scale = |code| record.number(code).unwrap_or(1.0);
         let turned = at
             * from_above(record)
@@ -163,10 +173,10 @@ impl<'a> Model<'a> {
                 let offset = Vec2::new(column as f64 * spacing(44), row as f64 * spacing(45));
                 let placed =
                     turned * Affine::translate(offset) * Affine::scale_non_uniform(scale(41), scale(42));
-                self.add_block(record, placed, style, depth);
-                if self.is_cut {
+                if !self.has_capacity(1 + record.pairs.len()) {
                     return;
                 }
+                self.add_block(record, placed, style, depth);
             }
         }
     }
@@ -261,7 +271,8 @@ impl<'a> Model<'a> {
 
     fn add_text(&mut self, record: &Record<'_>, at: Affine, style: Style<'_>) {
         // With an alignment, the second point counts, except for texts fitted between two points.
-        let (across, up) = (record.integer(72).unwrap_or(0), record.integer(73).unwrap_or(0));
+        let vertical = if record.kind == "ATTRIB" { 74 } else { 73 };
+        let (across, up) = (record.integer(72).unwrap_or(0), record.integer(vertical).unwrap_or(0));
         let is_aligned = (across != 0 || up != 0) && !matches!(across, 3 | 5);
         let place = if is_aligned { point(record, [11, 21]) } else { None };
         let place = place.or_else(|| point(record, [10, 20]));
@@ -284,7 +295,7 @@ impl<'a> Model<'a> {
             * Affine::rotate(record.number(50).unwrap_or(0.0).to_radians())
             * Affine::scale(height)
             * Affine::translate(Vec2::new(0.0, lift));
-        self.add_label(decoded(text).replace("%%", ""), placed, anchor, style);
+        self.add_label(&with_signs(&decoded(text)), placed, anchor, style);
     }
 
     fn add_paragraphs(&mut self, record: &Record<'_>, at: Affine, style: Style<'_>) {
@@ -313,18 +324,37 @@ impl<'a> Model<'a> {
                 * Affine::rotate(turned)
                 * Affine::scale(height)
                 * Affine::translate(Vec2::new(0.0, down));
-            self.add_label((*one).to_owned(), placed, (attachment % 3) as u8, style);
+            self.add_label(one, placed, (attachment % 3) as u8, style);
         }
     }
 
-    fn add_label(&mut self, text: String, placed: Affine, anchor: u8, style: Style<'_>) {
+    fn add_label(&mut self, text: &str, placed: Affine, anchor: u8, style: Style<'_>) {
         *self.counts.entry(style.layer.to_owned()).or_default() += 1;
         let is_finite = placed.as_coeffs().iter().all(|value| value.is_finite());
         if is_finite && self.labels.len() < MAX_TEXTS && self.is_shown(style.layer) && !text.trim().is_empty()
         {
+            let text = text.chars().take(MAX_TEXT_LENGTH).collect();
             self.labels.push(Label { text, placed, anchor, colour: style.colour });
         }
     }
+}
+
+/// Replaces the codes for signs, such as `%%d` for degrees, and removes those for lines under and over the text.
+fn with_signs(text: &str) -> String {
+    let mut parts = text.split("%%");
+    let mut result = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let mut rest = part.chars();
+        match rest.next() {
+            Some('d' | 'D') => result.push('\u{b0}'),
+            Some('p' | 'P') => result.push('\u{b1}'),
+            Some('c' | 'C') => result.push('\u{2300}'),
+            Some('u' | 'U' | 'o' | 'O' | 'k' | 'K') | None => {}
+            Some(other) => result.push(other),
+        }
+        result.push_str(rest.as_str());
+    }
+    result
 }
 
 /// Removes the format codes of a text of several lines, such as `\P` and `{\fArial;text}`.
@@ -357,12 +387,13 @@ fn unformatted(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::unformatted;
+    use super::{unformatted, with_signs};
 
     #[test]
     fn format_codes_are_removed() {
         assert_eq!(unformatted(r"{\fArial|b1;Hall} 2\P12.5 m\~x"), "Hall 2\n12.5 m x");
         assert_eq!(unformatted(r"\A1;\S1^2; \\ {"), "1/2 \\ ");
         assert_eq!(unformatted("\\"), "");
+        assert_eq!(with_signs("%%uRoom%%u 45%%d %%p2"), "Room 45\u{b0} \u{b1}2");
     }
 }

@@ -5,8 +5,10 @@ use std::borrow::Cow;
 use crate::drawing::DXF_SENTINEL;
 use crate::error::PlanError;
 
-/// Largest file, in bytes. The pairs need about five times this memory.
+/// Largest file, in bytes.
 const MAX_BYTES: usize = 128 << 20;
+/// Largest number of pairs; each needs 32 bytes of memory.
+const MAX_PAIRS: usize = 16_000_000;
 /// Largest number of damaged lines that are skipped.
 const MAX_DAMAGED_LINES: usize = 1000;
 
@@ -66,13 +68,10 @@ impl<'a> Pairs<'a> {
     /// Reads the pairs of a text or binary file.
     pub(super) fn read(bytes: &'a [u8]) -> Result<Self, PlanError> {
         if bytes.len() > MAX_BYTES {
-            return Err(PlanError::Limit {
-                kind: "DXF",
-                reason: format!("it exceeds {} MiB; save only the layers of the plan", MAX_BYTES >> 20),
-            });
+            return Err(too_large());
         }
         match bytes.strip_prefix(DXF_SENTINEL) {
-            Some(rest) => Ok(Self { pairs: binary_pairs(rest), damaged_lines: 0 }),
+            Some(rest) => Ok(Self { pairs: binary_pairs(rest)?, damaged_lines: 0 }),
             None => text_pairs(bytes),
         }
     }
@@ -98,6 +97,12 @@ impl<'a> Pairs<'a> {
     }
 }
 
+fn too_large() -> PlanError {
+    let reason =
+        format!("it exceeds {} MiB or {MAX_PAIRS} values; save only the layers of the plan", MAX_BYTES >> 20);
+    PlanError::Limit { kind: "DXF", reason }
+}
+
 /// Reads alternating lines of codes and values. A line that should be a code and is not is skipped.
 fn text_pairs(bytes: &[u8]) -> Result<Pairs<'_>, PlanError> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
@@ -121,6 +126,9 @@ fn text_pairs(bytes: &[u8]) -> Result<Pairs<'_>, PlanError> {
             Cow::Borrowed(value) if code == 0 || code == 2 => Cow::Borrowed(value.trim()),
             other => other,
         };
+        if pairs.len() == MAX_PAIRS {
+            return Err(too_large());
+        }
         pairs.push(Pair { code, value });
     }
     Ok(Pairs { pairs, damaged_lines })
@@ -136,15 +144,18 @@ fn text(bytes: &[u8]) -> Cow<'_, str> {
 
 /// Reads pairs of a binary file up to its end or the first damaged pair. Codes have two bytes, in files before
 /// release 13 one.
-fn binary_pairs(bytes: &[u8]) -> Vec<Pair<'_>> {
+fn binary_pairs(bytes: &[u8]) -> Result<Vec<Pair<'_>>, PlanError> {
     // The file starts with the code 0 and the text SECTION.
     let is_old = bytes.get(1).is_some_and(|&byte| byte != 0);
     let mut reader = Bytes { rest: bytes };
     let mut pairs = Vec::new();
     while let Some(pair) = reader.pair(is_old) {
+        if pairs.len() == MAX_PAIRS {
+            return Err(too_large());
+        }
         pairs.push(pair);
     }
-    pairs
+    Ok(pairs)
 }
 
 /// Unread bytes of a binary file.

@@ -32,11 +32,16 @@ pub(crate) fn read(bytes: &[u8], view: &View) -> Result<Drawing, PlanError> {
     let pairs = Pairs::read(bytes)?;
     let records = pairs.records();
     let tables = Tables::new(&records);
-    let model = Model::new(&tables, view.layers.as_deref());
-    let layers = layers(&tables, &model);
-    if let Some(layer) = view.layers.iter().flatten().find(|name| !is_layer(&layers, name)) {
-        let names: Vec<&str> = layers.iter().map(|layer| layer.name.as_str()).collect();
-        return Err(PlanError::Layer { layer: layer.clone(), layers: names.join(", ") });
+    let asked = view.layers.as_deref();
+    let mut model = Model::new(&tables, asked);
+    let mut layers = listed_layers(&tables, &model);
+    let is_unknown = |name: &&String| !is_layer(&layers, name);
+    let unknown: Vec<&str> =
+        asked.unwrap_or_default().iter().filter(is_unknown).map(String::as_str).collect();
+    if asked.is_some_and(|asked| asked.len() == unknown.len()) {
+        // In a newer version of the drawing, the layers may have other names.
+        model = Model::new(&tables, None);
+        layers = listed_layers(&tables, &model);
     }
     let boxes = if model.boxes.is_empty() { &model.hidden_boxes } else { &model.boxes };
     let Some((bounds, distant)) = bounds(boxes).filter(|_| !model.strokes.is_empty()) else {
@@ -69,7 +74,7 @@ pub(crate) fn read(bytes: &[u8], view: &View) -> Result<Drawing, PlanError> {
         origin_px: Some([origin.x, origin.y]),
         layers,
         corners_px: corners(&model, to_pixels, size),
-        notes: notes(&model, &pairs, distant),
+        notes: notes(&model, &pairs, distant, &unknown),
         ..DrawingFacts::new(DrawingKind::Dxf, size.map(|side| side as u32))
     };
     Ok(Drawing { picture: Picture::Svg(document(&model, to_pixels, size)), facts })
@@ -80,7 +85,7 @@ fn is_layer(layers: &[Layer], name: &str) -> bool {
 }
 
 /// Returns the layers of the tables and those that only records name.
-fn layers(tables: &Tables<'_>, model: &Model<'_>) -> Vec<Layer> {
+fn listed_layers(tables: &Tables<'_>, model: &Model<'_>) -> Vec<Layer> {
     let mut keys: Vec<&String> = tables.layers.keys().chain(model.counts.keys()).collect();
     keys.sort_unstable();
     keys.dedup();
@@ -99,6 +104,8 @@ fn layers(tables: &Tables<'_>, model: &Model<'_>) -> Vec<Layer> {
 fn bounds(boxes: &[Rect]) -> Option<(Rect, usize)> {
     const MIDDLE: f64 = 0.98;
     const DISTANT: f64 = 10.0;
+    /// Largest number of distant lines; in large drawings one of 500 lines.
+    const MAX_DISTANT: usize = 20;
     let quantile = |mut values: Vec<f64>, share: f64| {
         values.sort_unstable_by(f64::total_cmp);
         values.get(((values.len() - 1) as f64 * share).round() as usize).copied()
@@ -114,9 +121,12 @@ fn bounds(boxes: &[Rect]) -> Option<(Rect, usize)> {
     let reach = DISTANT * middle.width().max(middle.height()).max(typical);
     let near = middle.inflate(reach, reach);
     let is_near = |one: &&Rect| near.contains(one.origin()) && near.contains(Point::new(one.x1, one.y1));
-    let kept = boxes.iter().filter(is_near).copied().reduce(|a, b| a.union(b));
     let distant = boxes.len() - boxes.iter().filter(is_near).count();
-    let kept = kept.or_else(|| boxes.iter().copied().reduce(|a, b| a.union(b)))?;
+    // Many distant lines are the plan, and the others a detail.
+    let is_forgotten = distant <= MAX_DISTANT.max(boxes.len() / 500);
+    let distant = if is_forgotten { distant } else { 0 };
+    let kept = boxes.iter().filter(|one| distant == 0 || is_near(one)).copied();
+    let kept = kept.reduce(|a, b| a.union(b))?;
     let side = kept.width().max(kept.height());
     (side > 0.0 && side.is_finite()).then_some((kept, distant))
 }
@@ -138,7 +148,8 @@ fn document(model: &Model<'_>, to_pixels: Affine, [width, height]: [f64; 2]) -> 
     let mut strokes = model.strokes.as_slice();
     while let Some(first) = strokes.first() {
         let is_same = |stroke: &&Stroke| (stroke.colour, stroke.is_filled) == (first.colour, first.is_filled);
-        let count = strokes.iter().take_while(is_same).count();
+        // Filled areas that overlap would cancel each other in one path.
+        let count = if first.is_filled { 1 } else { strokes.iter().take_while(is_same).count() };
         let [r, g, b] = first.colour;
         let colour = format!("#{r:02x}{g:02x}{b:02x}");
         let paint = if first.is_filled {
@@ -208,7 +219,7 @@ fn escaped(text: &str) -> String {
     result
 }
 
-/// Returns the corners in the picture without duplicates, in pixels.
+/// Returns the corners in the picture without duplicates, in pixels; of very many, an even selection.
 fn corners(model: &Model<'_>, to_pixels: Affine, [width, height]: [f64; 2]) -> Vec<[f32; 2]> {
     let picture = Rect::new(0.0, 0.0, width, height);
     let pixels = model.corners.iter().map(|&corner| to_pixels * corner);
@@ -218,20 +229,23 @@ fn corners(model: &Model<'_>, to_pixels: Affine, [width, height]: [f64; 2]) -> V
         .collect();
     corners.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
     corners.dedup();
-    corners.truncate(MAX_CORNERS);
-    corners
+    let step = corners.len().div_ceil(MAX_CORNERS).max(1);
+    corners.into_iter().step_by(step).collect()
 }
 
-fn notes(model: &Model<'_>, pairs: &Pairs<'_>, distant: usize) -> Vec<String> {
+fn notes(model: &Model<'_>, pairs: &Pairs<'_>, distant: usize, unknown: &[&str]) -> Vec<String> {
     let mut notes = Vec::new();
+    if !unknown.is_empty() {
+        notes.push(format!("Layers that the drawing does not have: {}.", unknown.join(", ")));
+    }
     if distant > 0 {
-        notes.push(format!("Not shown: {distant} lines far away from the plan."));
+        notes.push(format!("Lines far away from the plan are not shown: {distant}."));
     }
     if model.is_cut {
         notes.push("Not complete: the drawing exceeds the limit of lines or of blocks in blocks.".into());
     }
     if pairs.damaged_lines > 0 {
-        notes.push(format!("Skipped: {} damaged lines of the file.", pairs.damaged_lines));
+        notes.push(format!("Damaged lines of the file were skipped: {}.", pairs.damaged_lines));
     }
     if !model.ignored.is_empty() {
         let kinds: Vec<String> =

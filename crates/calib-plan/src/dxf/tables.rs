@@ -15,6 +15,8 @@ pub(super) struct LayerEntry {
     pub(super) colour: [u8; 3],
     /// Whether the drawing shows and prints the layer.
     pub(super) is_on: bool,
+    /// Whether the layer is frozen: blocks that are inserted on it are hidden, too.
+    pub(super) is_frozen: bool,
 }
 
 /// Block: lines that are drawn at several places.
@@ -45,17 +47,22 @@ impl<'a> Tables<'a> {
         let mut tables = Self::default();
         let mut at = 0;
         while at < records.len() {
-            let rest = &records[at + 1..];
+            let start = &records[at];
+            at += 1;
+            if start.kind != "SECTION" {
+                continue;
+            }
+            let rest = &records[at..];
             let end = rest.iter().position(|record| record.kind == "ENDSEC").unwrap_or(rest.len());
             let section = &rest[..end];
-            match records[at].text(2) {
-                Some("HEADER") if records[at].kind == "SECTION" => tables.unit = unit(&records[at]),
-                Some("TABLES") if records[at].kind == "SECTION" => tables.read_layers(section),
-                Some("BLOCKS") if records[at].kind == "SECTION" => tables.read_blocks(section),
-                Some("ENTITIES") if records[at].kind == "SECTION" => tables.entities = section,
+            match start.text(2) {
+                Some("HEADER") => tables.unit = unit(start),
+                Some("TABLES") => tables.read_layers(section),
+                Some("BLOCKS") => tables.read_blocks(section),
+                Some("ENTITIES") => tables.entities = section,
                 _ => {}
             }
-            at += if records[at].kind == "SECTION" { 1 + end } else { 1 };
+            at += end;
         }
         tables
     }
@@ -66,10 +73,10 @@ impl<'a> Tables<'a> {
             let index = layer.integer(62).unwrap_or(7);
             let colour = layer.integer(420).map_or_else(|| indexed_colour(index.abs()), true_colour);
             // Bit 1 of the flags: frozen. A negative colour: off. Code 290: not printed.
-            let is_on =
-                layer.integer(70).unwrap_or(0) & 1 == 0 && index >= 0 && layer.integer(290) != Some(0);
+            let is_frozen = layer.integer(70).unwrap_or(0) & 1 != 0;
+            let is_on = !is_frozen && index >= 0 && layer.integer(290) != Some(0);
             let is_on = is_on && !name.eq_ignore_ascii_case("defpoints");
-            self.add_layer(name, LayerEntry { colour, is_on });
+            self.add_layer(name, LayerEntry { colour, is_on, is_frozen });
         }
     }
 
@@ -97,13 +104,17 @@ impl<'a> Tables<'a> {
 
     /// Returns the properties of a layer. Layers without an entry are on and black.
     pub(super) fn layer(&self, key: &str) -> LayerEntry {
-        self.layers.get(key).copied().unwrap_or(LayerEntry { colour: indexed_colour(7), is_on: true })
+        self.layers.get(key).copied().unwrap_or(LayerEntry {
+            colour: indexed_colour(7),
+            is_on: true,
+            is_frozen: false,
+        })
     }
 }
 
 /// Returns the name of a layer or block for comparison: names have no case.
 pub(super) fn key(name: &str) -> String {
-    decoded(name).to_uppercase()
+    decoded(name.trim()).to_uppercase()
 }
 
 /// Replaces the escapes `\U+00FC` of older versions.
