@@ -36,12 +36,10 @@ pub fn export_ui(app: &mut App, ctx: &Context) {
 /// Starts the export in the background if the site or an option changed, and collects the result.
 fn update_export(app: &mut App, ctx: &Context) {
     let Some(format) = formats().nth(app.dialogs.export.format) else { return };
-    let plan = app.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());
-    let plan = plan.filter(|_| format.shows_plan);
-    if plan.is_some() {
+    if format.shows_plan {
         app.ask_for_plan(ctx);
     }
-    let plan = plan.and_then(|name| app.pictures.ready(&name)).map(|picture| picture.image.clone());
+    let plan = app.plan_picture().filter(|_| format.shows_plan).map(|picture| picture.image.clone());
     let sheet = &mut app.dialogs.export;
     let asked = Asked {
         format: sheet.format,

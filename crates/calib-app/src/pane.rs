@@ -16,6 +16,7 @@ use crate::compare::panel;
 use crate::handles;
 use crate::keys;
 use crate::paint::{Pen, line};
+use crate::picture::picture_key;
 use crate::plan::drawing_fields::snapped;
 use crate::plan::floor::Floor;
 use crate::state::{App, Place};
@@ -324,8 +325,8 @@ fn cursor(app: &App, ui: &Ui, pane: Pane, mapping: &Mapping) {
 pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     let key = (place, Pane::Plan);
     // A plan image that has just been loaded is shown completely.
-    let shown = app.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());
-    let shown = shown.filter(|name| app.pictures.ready(name).is_some() && app.editor.tool().is_idle());
+    let shown = app.editor.site().plan.as_ref().and_then(picture_key);
+    let shown = shown.filter(|key| app.pictures.ready(key).is_some() && app.editor.tool().is_idle());
     if shown.is_some()
         && app.view.panes.plan != shown
         && app.view.panes.views.get(&key) == app.view.panes.fitted.get(&key)

@@ -52,8 +52,7 @@ impl SiteArgs {
     /// Reads the site as [`Self::read`] does, without warnings: for commands that report outdated solutions
     /// themselves.
     pub(crate) fn read_without_warnings(&self) -> Result<SiteFile, CommandError> {
-        let file = SiteFile::read_solved(&self.site, self.at.as_deref())?;
-        Ok(file.with_outside_images(self.images.allow_outside))
+        SiteFile::read_solved(&self.site, self.at.as_deref(), self.images.allow_outside)
     }
 
     /// Whether the site comes from stdin.

@@ -92,6 +92,8 @@ fn keep_plan_image(plan: Plan, existing: Option<Plan>) -> Plan {
     let Some(existing) = existing else { return plan };
     Plan {
         image: existing.image.or(plan.image),
+        page: existing.page,
+        layers: existing.layers,
         georeference: plan.georeference.or(existing.georeference),
         ..plan
     }

@@ -6,7 +6,7 @@ use std::path::Path;
 use calib_core::PlanPixel;
 use calib_plan::{Drawing, DrawingFacts, DrawingKind, ScaleSource, View};
 use calib_report::shortened_list;
-use calib_site::{MAX_BYTES, Plan, Site};
+use calib_site::{MAX_BYTES, Plan};
 use serde_json::{Value, json};
 
 use crate::files::{self, print_message};
@@ -32,6 +32,9 @@ pub(crate) struct Args {
     /// Unit of a DXF: mm, cm, m, in or ft
     #[arg(long, value_name = "UNIT", value_parser = unit)]
     unit: Option<f64>,
+    /// Size of a pixel in metres, for plans that state no scale
+    #[arg(long, value_name = "M", value_parser = pixel_size, conflicts_with_all = ["scale", "unit"])]
+    metres_per_px: Option<f64>,
     /// Site that gets this plan; the positions of its cameras stay
     #[arg(long, value_name = "SITE", requires = "output")]
     site: Option<String>,
@@ -55,6 +58,12 @@ fn ratio(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "expected a scale such as 1:100".into())
 }
 
+/// Parses the size of a pixel in metres.
+fn pixel_size(text: &str) -> Result<f64, String> {
+    let size = text.trim().parse::<f64>().ok().filter(|size| (1e-9..1e9).contains(size));
+    size.ok_or_else(|| "expected metres above 0".into())
+}
+
 /// Returns the length of a unit in metres.
 fn unit(text: &str) -> Result<f64, String> {
     match text {
@@ -76,7 +85,7 @@ struct ReadPlan {
     scale: Option<(f64, String)>,
 }
 
-/// Reads the plan, and writes what the operator asks for.
+/// Reads the plan. Prints its properties, or writes its picture or a site.
 pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if let Some(output) = &args.output {
         files::check_free(output, args.force)?;
@@ -107,55 +116,50 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
 
 fn read_plan(bytes: &[u8], args: &Args, view: &View) -> Result<ReadPlan, CommandError> {
     let invalid = |error: String| CommandError::invalid(&args.file, error);
-    let Some(drawing) = calib_plan::read(bytes, view) else {
-        let image = calib_input::decode(bytes).map_err(|error| invalid(error.to_string()))?;
-        for (option, is_given) in [
-            ("--page", args.page.is_some()),
-            ("--layer", !args.layers.is_empty()),
-            ("--scale", args.scale.is_some()),
-            ("--unit", args.unit.is_some()),
-        ] {
-            if is_given {
-                return Err(CommandError::Usage(format!("{option}: {} is an image without it", args.file)));
-            }
+    let given = args.metres_per_px.map(|size| (size, "from --metres-per-px".to_owned()));
+    let drawing = calib_plan::read(bytes, view).transpose().map_err(|error| invalid(error.to_string()))?;
+    let kind = drawing.as_ref().map(|drawing| drawing.facts.kind);
+    for (option, is_given, needed, format) in [
+        ("--page", args.page.is_some(), DrawingKind::Pdf, "PDF"),
+        ("--scale", args.scale.is_some(), DrawingKind::Pdf, "PDF"),
+        ("--layer", !args.layers.is_empty(), DrawingKind::Dxf, "DXF"),
+        ("--unit", args.unit.is_some(), DrawingKind::Dxf, "DXF"),
+    ] {
+        if is_given && kind != Some(needed) {
+            return Err(CommandError::Usage(format!("{option}: {} is not a {format}", args.file)));
         }
-        return Ok(ReadPlan {
-            drawing: None,
-            size: image.dimensions().into(),
-            image: Some(image),
-            scale: None,
-        });
+    }
+    let Some(drawing) = drawing else {
+        let image = calib_input::decode(bytes).map_err(|error| invalid(error.to_string()))?;
+        let size = image.dimensions().into();
+        return Ok(ReadPlan { drawing: None, size, image: Some(image), scale: given });
     };
-    let drawing = drawing.map_err(|error| invalid(error.to_string()))?;
-    let given = match (args.scale, args.unit) {
-        (Some(scale), _) => Some((
-            drawing.facts.paper_metres_per_px.ok_or_else(|| {
-                CommandError::Usage(format!("--scale: {} has no paper size; only a PDF has one", args.file))
-            })? * scale,
-            format!("1:{scale}, from --scale"),
-        )),
-        (_, Some(unit)) => Some((
-            drawing.facts.units_per_px.ok_or_else(|| {
-                CommandError::Usage(format!("--unit: {} has no unit; only a DXF has one", args.file))
-            })? * unit,
-            "from --unit".into(),
-        )),
+    let facts = &drawing.facts;
+    let is_layer =
+        |name: &&String| facts.layers.iter().any(|layer| layer.name.to_uppercase() == name.to_uppercase());
+    if let Some(unknown) = args.layers.iter().find(|name| !is_layer(name)) {
+        let names = shortened_list(facts.layers.iter().map(|layer| layer.name.as_str()));
+        return Err(CommandError::Usage(format!("--layer {unknown}: {} has the layers {names}", args.file)));
+    }
+    for note in &facts.notes {
+        print_message(format_args!("calib: {}: {note}", args.file));
+    }
+    let by_option = match (args.scale.zip(facts.paper_metres_per_px), args.unit.zip(facts.units_per_px)) {
+        (Some((scale, paper)), _) => Some((paper * scale, format!("1:{scale}, from --scale"))),
+        (_, Some((unit, units_per_px))) => Some((units_per_px * unit, "from --unit".into())),
         (None, None) => None,
     };
     let own = || {
-        let source = match drawing.facts.scale_source? {
+        let source = match facts.scale_source? {
             ScaleSource::Unit => "from the unit of the drawing".into(),
             ScaleSource::Text(ratio) => {
                 format!("1:{ratio}, from a text on the page; check it with a known distance")
             }
         };
-        Some((drawing.facts.metres_per_px?, source))
+        Some((facts.metres_per_px?, source))
     };
-    let scale = given.or_else(own);
-    for note in &drawing.facts.notes {
-        print_message(format_args!("calib: {}: {note}", args.file));
-    }
-    Ok(ReadPlan { size: drawing.facts.size, scale, drawing: Some(drawing), image: None })
+    let scale = given.or(by_option).or_else(own);
+    Ok(ReadPlan { size: facts.size, scale, drawing: Some(drawing), image: None })
 }
 
 /// Returns the plan entry of a site.
@@ -179,7 +183,7 @@ fn entry(
     }
 }
 
-/// Writes the site with this plan. A georeference belongs to the world coordinates, and stays.
+/// Writes the site with this plan.
 fn write_site(
     args: &Args,
     site: &str,
@@ -191,16 +195,16 @@ fn write_site(
     };
     let output = args.output.as_deref().unwrap_or("-");
     let file = SiteFile::read(site)?.relative_to(output);
-    let image = path_relative_to_file(Path::new(&args.file), output);
-    let plan = Plan {
-        georeference: file.site.plan.as_ref().and_then(|plan| plan.georeference.clone()),
-        ..entry(image, read, args, layers, *metres_per_px)
-    };
+    // On stdout, all paths stay relative to the folder of the site.
+    let image = path_relative_to_file(Path::new(&args.file), if output == "-" { site } else { output });
+    let plan = entry(image, read, args, layers, *metres_per_px);
     print_message(format_args!(
-        "calib: {} m a pixel ({source}); world (0, 0) is at plan pixel {}, {}; the cameras keep their positions",
+        "calib: {} m a pixel ({source}); world (0, 0) is at plan pixel {}, {}; cameras and control points keep their \
+         positions in metres",
         plan.metres_per_px, plan.origin_px.x, plan.origin_px.y
     ));
-    let site = Site { plan: Some(plan), ..file.site };
+    let mut site = file.site;
+    site.replace_plan(plan);
     files::write(output, site.to_json().as_bytes(), args.force)
 }
 

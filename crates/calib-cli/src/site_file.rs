@@ -32,6 +32,12 @@ pub(crate) struct SiteFile {
 impl SiteFile {
     /// Reads and checks a site file; `-` is stdin, with images relative to the current folder.
     pub(crate) fn read(path: &str) -> Result<Self, CommandError> {
+        Self::read_with(path, false)
+    }
+
+    /// Reads a site file as [`Self::read`] does. `allows_outside` states whether images outside the site's folder
+    /// may be read.
+    pub(crate) fn read_with(path: &str, allows_outside: bool) -> Result<Self, CommandError> {
         let most = MAX_BYTES as u64;
         let bytes = if path == "-" {
             calib_input::read_from(std::io::stdin().lock(), most)
@@ -43,7 +49,7 @@ impl SiteFile {
         let sha256 = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
         let text = calib_input::json_document(bytes).map_err(|why| CommandError::invalid(path, why))?;
         let folder = Path::new(path).parent().unwrap_or(Path::new("")).to_owned();
-        let file = Self { site: Site::new(), path: path.to_owned(), folder, allows_outside: false, sha256 };
+        let file = Self { site: Site::new(), path: path.to_owned(), folder, allows_outside, sha256 };
         // The reason why a drawing is not read is more helpful than the missing scale.
         let mut failed = None;
         let site = Site::from_json_with_drawing(&text, |plan| {
@@ -59,15 +65,14 @@ impl SiteFile {
         Ok(Self { site, ..file })
     }
 
-    /// Sets whether images outside the site's folder may be read.
-    pub(crate) fn with_outside_images(self, allows_outside: bool) -> Self {
-        Self { allows_outside, ..self }
-    }
-
     /// Reads a site as [`Self::read`] does, solves unsolved cameras, and keeps the calibrations that are
     /// valid at `time`.
-    pub(crate) fn read_solved(path: &str, time: Option<&str>) -> Result<Self, CommandError> {
-        let file = Self::read(path)?.with_out_of_date_warnings();
+    pub(crate) fn read_solved(
+        path: &str,
+        time: Option<&str>,
+        allows_outside: bool,
+    ) -> Result<Self, CommandError> {
+        let file = Self::read_with(path, allows_outside)?.with_out_of_date_warnings();
         let holds = |camera: &SiteCamera| is_valid_at(camera, time);
         let mut holds =
             file.site.cameras.iter().map(holds).collect::<Result<Vec<bool>, CommandError>>()?.into_iter();

@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use base64::Engine as _;
 use calib_input::relative;
-use calib_site::Site;
+use calib_site::{Plan, Site};
 use image::RgbImage;
 
 /// Whether a file name has this extension, ignoring case.
@@ -385,8 +385,21 @@ fn parse_data_uri(text: &str) -> Option<(String, Vec<u8>)> {
 /// # Errors
 /// The text is not a valid site; the message names the field.
 pub fn parse(text: &str, folder: Option<PathBuf>) -> FileResult<(Site, Images)> {
-    let mut site = Site::from_json(text).map_err(|error| error.to_string())?;
-    let mut images = Images { folder, ..Images::default() };
+    parse_with_drawing(text, folder, |_| None)
+}
+
+/// Parses the text of a site file as [`parse`] does. `metres_per_px` returns the scale of the plan's drawing if the
+/// file has none.
+///
+/// # Errors
+/// The text is not a valid site; the message names the field.
+pub fn parse_with_drawing(
+    text: &str,
+    folder: Option<PathBuf>,
+    metres_per_px: impl FnOnce(&Plan) -> Option<f64>,
+) -> FileResult<(Site, Images)> {
+    let mut site = Site::from_json_with_drawing(text, metres_per_px).map_err(|error| error.to_string())?;
+    let mut images = Images::in_folder(folder, None);
     images.extract_from(&mut site);
     Ok((site, images))
 }

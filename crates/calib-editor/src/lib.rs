@@ -69,6 +69,7 @@ pub use history::History;
 pub use hit::{Hit, Part};
 pub use images::{
     AllowedFiles, FileResult, Images, ReadFile, RenderImage, Source, data_uri, decode, image_names, parse,
+    parse_with_drawing,
 };
 pub use import::{import_any, plan_from_world_file, world_endings};
 pub use keys::{Key, Modifiers, Shortcut};

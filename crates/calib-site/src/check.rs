@@ -176,7 +176,7 @@ fn check_plan(at: &At, plan: &Plan) -> Checked {
     if plan.metres_per_px == 0.0 {
         return at.key("metres_per_px").expected(
             "nothing",
-            "the size of a plan pixel in metres, because the image of the plan does not state it",
+            "the size of a plan pixel in metres; only `calib` and the desktop app read it from a drawing",
         );
     }
     if plan.page == Some(0) {

@@ -66,6 +66,20 @@ impl Plan {
 }
 
 impl Site {
+    /// Replaces the plan. The cameras and the control points keep their positions in metres: control points that
+    /// are given by pixels of the old plan get pixels of the new one. The georeference of the plan stays if the
+    /// new plan has none.
+    pub fn replace_plan(&mut self, mut plan: Plan) {
+        if let Some(old) = &self.plan {
+            let points = self.cameras.iter_mut().flat_map(|camera| &mut camera.control_points);
+            for pixel in points.filter_map(|point| point.plan_px.as_mut()) {
+                *pixel = plan.scale().plan_from_floor(old.scale().floor_from_plan(*pixel));
+            }
+            plan.georeference = plan.georeference.or_else(|| old.georeference.clone());
+        }
+        self.plan = Some(plan);
+    }
+
     /// Returns the expected deviations of the scene from the annotations' assumptions for the image of a
     /// camera.
     #[must_use]

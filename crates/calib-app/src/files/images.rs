@@ -87,7 +87,9 @@ impl App {
                 let drawing = still.drawing.clone();
                 let world_file =
                     planning.told.map(|plan| (plan, "Scale read from the world file.".to_owned()));
-                let scaled = world_file.or_else(|| plan_from_drawing(drawing.as_ref()?));
+                let scaled = world_file
+                    .or_else(|| self.kept_scale(&still))
+                    .or_else(|| plan_from_drawing(drawing.as_ref()?));
                 let notes = drawing.map(|drawing| drawing.notes.join(" ")).unwrap_or_default();
                 let still = self.stored(still);
                 self.act(Action::LoadPlan(still, scaled.map(Box::new)));
@@ -100,6 +102,17 @@ impl App {
             }
             Some(Err(error)) => self.act(Action::AddError(error)),
         }
+    }
+
+    /// Returns the position and the scale of the existing plan for a newer one of the same size and scale.
+    fn kept_scale(&self, new: &ReadPicture) -> Option<(Plan, String)> {
+        let old = self.plan_picture().filter(|old| old.size() == new.still.size)?;
+        let plan = self.editor.site().plan.clone()?;
+        let stated = new.drawing.as_ref().and_then(|drawing| drawing.metres_per_px);
+        let is_same = stated.is_none_or(|stated| (stated / plan.metres_per_px - 1.0).abs() < 1e-6)
+            && old.drawing.as_ref().map(|old| old.origin_px) == new.drawing.as_ref().map(|new| new.origin_px);
+        let note = "The new plan has the same size: its position and its scale were kept.".into();
+        is_same.then_some((Plan { page: None, layers: None, ..plan }, note))
     }
 
     /// Applies a world file to the existing plan.

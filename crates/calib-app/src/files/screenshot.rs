@@ -4,10 +4,12 @@ use std::path::Path;
 
 use calib_editor::{Action, Session};
 use calib_report::{EmbeddedImage, ImageRequest, page};
+use calib_site::Plan;
 use egui::Context;
 use image::{ImageFormat, RgbImage};
 
 use crate::choice::Purpose;
+use crate::drawing::is_drawing;
 use crate::platform::{Here, Platform as _};
 use crate::state::{App, Mode};
 
@@ -65,6 +67,12 @@ impl App {
 impl App {
     /// Writes the report of the current results to a file.
     pub(crate) fn save_report(&mut self, path: &Path) {
+        let is_drawing = |plan: &Plan| plan.image.as_ref().is_some_and(|name| is_drawing(Path::new(name)));
+        if self.plan_picture().is_none() && self.editor.site().plan.as_ref().is_some_and(is_drawing) {
+            let text = "The plan is not read yet. Show it once (2), then save the report again.";
+            self.act(Action::AddError(text.into()));
+            return;
+        }
         let session = self.editor.session();
         let site = session.solved.write_into(&session.site);
         let plan = self.plan_picture().filter(|plan| plan.drawing.is_some());

@@ -20,11 +20,21 @@ const SNAPPING_TOOLS: [&str; 2] = ["Control point", "Measure plan"];
 /// Shows the fields of a drawing; returns the name of the change, for the history.
 pub(super) fn fields(ui: &mut Ui, drawing: &DrawingFacts, plan: &mut Plan) -> Option<&'static str> {
     let mut changed = None;
+    if let (Some(metres), Some(units_per_px)) = (drawing.metres_per_px, drawing.units_per_px) {
+        let is_other = (plan.metres_per_px / metres - 1.0).abs() > 1e-6;
+        let is_whole_unit =
+            UNITS.iter().any(|(_, one)| (plan.metres_per_px / (units_per_px * one) - 1.0).abs() < 1e-6);
+        if is_other && !is_whole_unit {
+            let text =
+                "The scale differs from that of the drawing. If the file was replaced, load the plan again.";
+            ui.label(RichText::new(text).color(theme::palette(ui.ctx()).warn));
+        }
+    }
     if drawing.pages > 1 {
         let mut page = plan.page.unwrap_or(1);
         let last = u32::try_from(drawing.pages).unwrap_or(u32::MAX);
         let field = DragValue::new(&mut page).speed(0.05).range(1..=last).suffix(format!(" of {last}"));
-        if labelled(ui, "Page", field) {
+        if labelled(ui, "Page", field.update_while_editing(false)) {
             (plan.page, changed) = (Some(page), Some("choose a page of the plan"));
         }
     }
@@ -33,6 +43,16 @@ pub(super) fn fields(ui: &mut Ui, drawing: &DrawingFacts, plan: &mut Plan) -> Op
         let field = DragValue::new(&mut ratio).speed(1.0).range(0.1..=1e6).prefix("1 : ").max_decimals(2);
         if labelled(ui, "Paper scale", field.update_while_editing(false)) {
             (plan.metres_per_px, changed) = (paper * ratio, Some("change the scale of the plan"));
+        }
+    }
+    for &ratio in &drawing.scales_in_text {
+        let is_own = drawing
+            .paper_metres_per_px
+            .is_none_or(|paper| (plan.metres_per_px / (paper * f64::from(ratio)) - 1.0).abs() < 1e-3);
+        if let Some(paper) = drawing.paper_metres_per_px.filter(|_| !is_own)
+            && ui.button(format!("Use 1 : {ratio} from the page")).clicked()
+        {
+            (plan.metres_per_px, changed) = (paper * f64::from(ratio), Some("change the scale of the plan"));
         }
     }
     if let Some(units_per_px) = drawing.units_per_px {

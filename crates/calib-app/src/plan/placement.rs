@@ -228,6 +228,12 @@ pub fn plan(app: &mut App, ui: &mut Ui) {
     let name = app.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());
     let name = name.map(|name| app.editor.session().images.shown_name(&name));
     heading(ui, "Plan", name.as_deref().unwrap_or("none"));
+    if let Some(error) = app.plan_error() {
+        ui.label(RichText::new(error).color(palette.bad));
+        if ui.button("Load a floor plan\u{2026}").clicked() {
+            app.ask(crate::choice::Purpose::LoadPlan);
+        }
+    }
     if app.editor.session().site.plan.is_none() {
         ui.label(RichText::new("No plan loaded. You can work without one.").color(palette.text2));
         if ui.button("Load a floor plan\u{2026}").clicked() {

@@ -281,8 +281,7 @@ fn scene(app: &mut App, ui: &mut Ui, rect: Rect) {
     let painter = ui.painter().with_clip_rect(rect);
     let palette = theme::palette(ui.ctx());
     painter.rect_filled(rect, 0.0, palette.canvas);
-    let name = app.editor.session().site.plan.as_ref().and_then(|plan| plan.image.as_ref());
-    let plan = name.and_then(|name| app.pictures.ready(name)).map(|p| (p.overview.id(), p.size()));
+    let plan = app.plan_picture().map(|picture| (picture.overview.id(), picture.size()));
     scene3d::paint(&painter, rect, (&orbit, ui.visuals().dark_mode), app.editor.session(), plan);
     let text = "Drag: orbit.  Shift and drag: pan.  Wheel: zoom.  Click a camera to select it.";
     painter.text(

@@ -171,6 +171,13 @@ impl App {
         self.pictures.ready(&picture_key(self.editor.site().plan.as_ref()?)?)
     }
 
+    /// Returns the reason why the plan image cannot be shown.
+    #[must_use]
+    pub fn plan_error(&self) -> Option<String> {
+        let key = picture_key(self.editor.site().plan.as_ref()?)?;
+        self.pictures.error(&key).map(str::to_owned)
+    }
+
     /// Returns the plan image once it is decoded; the first call starts the decoding.
     fn loaded_plan(&mut self, ctx: &Context) -> Option<&mut Picture> {
         let session = self.editor.session();

@@ -3,9 +3,11 @@
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::path::{Path, PathBuf};
 
+use calib_editor::parse_with_drawing;
 pub use calib_editor::{FileResult, Images};
-use calib_site::Site;
+use calib_site::{Plan, Site};
 
+use crate::drawing::plan_view;
 use crate::platform::{Here, Platform as _};
 
 /// Returns the folder of autosaves and of the demonstration's images; `None` in the browser.
@@ -39,11 +41,17 @@ pub fn open_stamped(path: &Path) -> FileResult<(Site, Images, u64)> {
     let held = stamp(&bytes);
     let text = String::from_utf8(bytes).map_err(|_| format!("{}: not text", path.display()))?;
     let folder = path.parent().map(Path::to_path_buf);
-    let (site, images) =
-        calib_editor::parse(&text, folder).map_err(|error| format!("{}: {error}", path.display()))?;
+    let drawings = Images::in_folder(folder.clone(), None);
+    let (site, images) = parse_with_drawing(&text, folder, |plan| scale_of_drawing(plan, &drawings))
+        .map_err(|error| format!("{}: {error}", path.display()))?;
     Ok((site, images, held))
 }
 
+/// Returns the size of a pixel of a plan that is a drawing, in metres.
+fn scale_of_drawing(plan: &Plan, images: &Images) -> Option<f64> {
+    let bytes = images.reader(plan.image.as_ref()?).read(Here::read_within).ok()?;
+    calib_plan::read(&bytes, &plan_view(plan))?.ok()?.facts.metres_per_px
+}
 /// Writes a site file; returns the hash of the file content. Image names in the file are relative to its
 /// folder.
 ///

@@ -128,7 +128,7 @@ impl Editor {
         };
         let is_scaled = scaled.is_some();
         let (plan, note) = scaled.map_or((bare, None), |scaled| (scaled.0, Some(scaled.1)));
-        self.session.site.plan = Some(Plan { image: Some(image), ..plan });
+        self.session.site.replace_plan(Plan { image: Some(image), ..plan });
         self.session.note = note;
         self.session.commit("load a plan");
         if !is_scaled {

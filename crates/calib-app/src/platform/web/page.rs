@@ -24,8 +24,8 @@ pub(super) async fn ask(purpose: Purpose) -> Vec<Chosen> {
         Purpose::SaveSite | Purpose::SavePlain => {
             vec![Chosen { name: "site.json".into(), path: Some("site.json".into()), bytes: None }]
         }
-        // A site is chosen together with its images.
-        Purpose::OpenSite => pick_files(&[SITE, &images()].concat(), true).await,
+        // A site is chosen together with its images and its plan.
+        Purpose::OpenSite => pick_files(&[SITE, &plans()].concat(), true).await,
         Purpose::Compare => pick_files(SITE, false).await,
         Purpose::AddImages | Purpose::NewerStill => pick_files(&images(), true).await,
         Purpose::ReplaceStill => pick_files(&images(), false).await,
