@@ -32,9 +32,9 @@ const REST: [&str; 57] = [
     "calib_core::floor::pixel_density",
     "roxmltree",
     "kurbo",
+    "calib_app::plan::drawing_fields",
     "calib_plan::dxf",
     "calib_plan::read",
-    "calib_plan::scale",
     "jiff",
     "jiff_core",
     // Image files and image analysis.
