@@ -149,6 +149,31 @@ const CHECKS: &[Check] = &[
         tools: &[&FUZZ],
         ..BACKGROUND
     },
+    Check {
+        name: "fuzzing of the DXF reader",
+        command: &[
+            "cargo",
+            "fuzz",
+            "run",
+            "dxf",
+            "--fuzz-dir",
+            "crates/calib-plan/fuzz",
+            "--target-dir",
+            FUZZ_TARGET,
+            FUZZ_SANITIZER,
+            "target/fuzz-corpus/dxf",
+            "crates/calib-plan/fuzz/seeds",
+            "--",
+            "-seed=1",
+            "-runs=60000",
+            "-max_len=4096",
+            "-timeout=20",
+        ],
+        environment: &[("RUSTC_BOOTSTRAP", "1")],
+        emptied_folder: Some("target/fuzz-corpus/dxf"),
+        tools: &[&FUZZ],
+        ..BACKGROUND
+    },
     Check { name: "fuzzing of the importers", command: &["fuzz-formats"], tools: &[&FUZZ], ..BACKGROUND },
     Check { name: "web app", command: &["xtask", "web"], tools: &[&WEB, &SPLIT], ..BACKGROUND },
     Check {
