@@ -17,7 +17,9 @@ const UNITS: [(&str, f64); 5] =
 /// Titles of the tools whose clicks on the plan snap to corners of the drawing.
 const SNAPPING_TOOLS: [&str; 2] = ["Control point", "Measure plan"];
 
-/// Shows the fields of a drawing; returns the name of the change, for the history.
+/// Shows the fields of a drawing; returns the name of the change, for the history. Not inlined: the page loads it
+/// with its second part.
+#[inline(never)]
 pub(super) fn fields(ui: &mut Ui, drawing: &DrawingFacts, plan: &mut Plan) -> Option<&'static str> {
     let mut changed = None;
     if let (Some(metres), Some(units_per_px)) = (drawing.metres_per_px, drawing.units_per_px) {
@@ -125,6 +127,7 @@ fn layers(ui: &mut Ui, drawing: &DrawingFacts, plan: &mut Plan) -> Option<&'stat
 
 /// Returns the corner of the drawing within `radius` metres of a point of the plan, in metres, if the current tool
 /// snaps to corners.
+#[inline(never)]
 pub(crate) fn snapped(app: &App, at: [f64; 2], radius: f64) -> Option<[f64; 2]> {
     let title = TOOLS.get(app.editor.tool_row())?.title;
     let drawing = app.plan_picture()?.drawing.as_ref().filter(|_| SNAPPING_TOOLS.contains(&title))?;
