@@ -113,7 +113,15 @@ fn truncated_images_with_large_sizes_take_no_memory() {
             assert!(run.stderr.contains("truncated") && run.stderr.contains(name), "{args:?} {run:?}");
         }
         let (image, origin_px) = (Some(name.into()), Default::default());
-        let plan = Plan { image, metres_per_px: 0.1, origin_px, x_axis_deg: 0.0, georeference: None };
+        let plan = Plan {
+            image,
+            page: None,
+            layers: None,
+            metres_per_px: 0.1,
+            origin_px,
+            x_axis_deg: 0.0,
+            georeference: None,
+        };
         let site = Site { plan: Some(plan), cameras: vec![entry("a", name, [side; 2])], ..Site::new() };
         scratch.write("plan.json", site.to_json());
         for args in [

@@ -67,8 +67,8 @@ impl Site {
             with_subject(text, SiteError { pointer, kind: fault, subject: None })
         })?;
         reader.end().map_err(|error| SiteError::for_document(kind_from_json_error(&error)))?;
-        if let Some(plan) = site.plan.as_mut().filter(|plan| plan.metres_per_px == 0.0) {
-            plan.metres_per_px = metres_per_px(plan).unwrap_or(0.0);
+        if let Some(plan) = site.plan.as_mut().filter(|plan| plan.metres_per_px.is_nan()) {
+            plan.metres_per_px = metres_per_px(plan).unwrap_or(f64::NAN);
         }
         match site.check() {
             Ok(()) => Ok(site),
@@ -173,7 +173,7 @@ fn count_values(text: &str) -> usize {
 fn check_plan(at: &At, plan: &Plan) -> Checked {
     /// Largest number of shown layers.
     const MAX_LAYERS: usize = 10_000;
-    if plan.metres_per_px == 0.0 {
+    if plan.metres_per_px.is_nan() {
         return at.key("metres_per_px").expected(
             "nothing",
             "the size of a plan pixel in metres; only `calib` and the desktop app read it from a drawing",

@@ -19,6 +19,11 @@ use crate::site_solution::{ElementSolution, SiteSolution};
 use crate::solution::{DistortionEntry, FailureEntry, Solution, document};
 use crate::survey_entries::{Area, Measurement, WallEntry};
 
+/// Size of a plan pixel that a file does not state: not a number. The check of the site refuses it.
+const fn not_stated() -> f64 {
+    f64::NAN
+}
+
 document! {
     /// Link between cameras: a point, a post or a line on the floor that several cameras observe.
     struct Link {
@@ -254,7 +259,7 @@ document! {
         layers: Option<Vec<String>>,
         /// Size of a plan pixel, in metres. It may be absent if the drawing states it: a DXF with a unit, or a PDF
         /// with one scale in its text.
-        #[serde(default)]
+        #[serde(default = "not_stated")]
         metres_per_px: f64,
         /// Plan pixel of world (0, 0).
         #[serde(default)]
@@ -508,6 +513,11 @@ impl Site {
         let mut schema = schemars::schema_for!(Self).to_value();
         if let Some(like) = schema.pointer_mut("/$defs/Annotation/properties/like") {
             like["oneOf"] = USUAL_SIZES.iter().map(usual_size_schema).collect();
+        }
+        // The default, not a number, has no JSON value.
+        let scale = schema.pointer_mut("/$defs/Plan/properties/metres_per_px");
+        if let Some(scale) = scale.and_then(serde_json::Value::as_object_mut) {
+            scale.remove("default");
         }
         schema
     }
