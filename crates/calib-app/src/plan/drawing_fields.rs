@@ -106,7 +106,7 @@ fn layers(ui: &mut Ui, drawing: &DrawingFacts, plan: &mut Plan) -> Option<&'stat
     let mut changed = None;
     let title = format!("Layers ({})", used.len());
     egui::CollapsingHeader::new(title).id_salt("layers of the drawing").show(ui, |ui| {
-        ScrollArea::vertical().max_height(MAX_HEIGHT).show(ui, |ui| {
+        ScrollArea::vertical().max_height(MAX_HEIGHT).min_scrolled_height(MAX_HEIGHT).show(ui, |ui| {
             for layer in &used {
                 let mut is_shown = layer.is_shown;
                 if ui.checkbox(&mut is_shown, &layer.name).changed() {

@@ -15,7 +15,7 @@ const MAX_SIDE: f64 = 4096.0;
 /// Empty border around the drawing, in pixels.
 const MARGIN: f64 = 24.0;
 /// Width of lines, in pixels.
-const LINE_WIDTH: f64 = 2.0;
+const LINE_WIDTH: f64 = 4.0;
 /// Opacity of filled areas.
 const FILL_OPACITY: f64 = 0.6;
 /// Round numbers of drawing units per pixel, in a decade.
