@@ -9,11 +9,9 @@ use crate::platform::Task;
 use crate::state::{App, Asked, formats};
 use crate::theme::{self, Palette};
 
-/// Shows the export sheet if it is open.
+/// Shows the open export sheet.
+#[inline(never)]
 pub fn export_ui(app: &mut App, ctx: &Context) {
-    if !app.dialogs.export.is_open {
-        return;
-    }
     update_export(app, ctx);
     let mut open = true;
     Window::new("Export")

@@ -94,8 +94,14 @@ pub fn window_ui(app: &mut App, ui: &mut Ui) {
             start::start_ui(app, ui);
         }
     });
-    palette::palette_ui(app, ui.ctx());
-    export::export_ui(app, ui.ctx());
+    // The page loads these sheets with its second part, so they are called only if they are open.
+    let dialogs = &app.dialogs;
+    if dialogs.palette.is_open || dialogs.shortcuts || dialogs.about {
+        palette::palette_ui(app, ui.ctx());
+    }
+    if app.dialogs.export.is_open {
+        export::export_ui(app, ui.ctx());
+    }
     outside::asked_ui(app, ui.ctx());
 }
 

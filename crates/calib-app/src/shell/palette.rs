@@ -10,6 +10,7 @@ use crate::state::App;
 use crate::theme;
 
 /// Shows the command palette, the shortcut sheet and the about sheet if they are open.
+#[inline(never)]
 pub fn palette_ui(app: &mut App, ctx: &Context) {
     if app.dialogs.palette.is_open {
         commands(app, ctx);

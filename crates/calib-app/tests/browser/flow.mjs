@@ -414,14 +414,14 @@ async function propose() {
   await desk.context.close();
 }
 
-/** Converts an SVG drawing to the image of the plan. */
+/** Converts an SVG drawing to the image of the plan; reads the scale of a DXF, and refuses a PDF with advice. */
 async function drawing() {
   const desk = await Desk.open(browser, `${address}?test=1`);
   await desk.yard();
-  const load = async (svg) => {
+  const load = async (text, name = "plan.svg", mimeType = "image/svg+xml") => {
     await desk.press("Menu");
     const [chooser] = await Promise.all([desk.page.waitForEvent("filechooser"), desk.press("Load a floor plan")]);
-    await chooser.setFiles({ name: "plan.svg", mimeType: "image/svg+xml", buffer: Buffer.from(svg) });
+    await chooser.setFiles({ name, mimeType, buffer: Buffer.from(text) });
   };
   await load('<svg xmlns="http://www.w3.org/2000/svg" width="60mm" height="20mm"><rect width="100" height="30" style="fill: #346"/></svg>');
   const { site } = await desk.until("the plan", (state) => state.site.plan?.image?.startsWith("stored:"));
@@ -449,6 +449,19 @@ async function drawing() {
   await load('<svg xmlns="http://www.w3.org/2000/svg" width="3" height="4"><broken');
   const failed = await desk.until("an error", (state) => state.error);
   assert.match(failed.error, /plan.svg: .*SVG drawing/);
+  await load("%PDF-1.4\n", "plan.pdf", "application/pdf");
+  const refused = await desk.until("another error", (state) => state.error?.includes("plan.pdf"));
+  assert.match(refused.error, /PDF plans are not read here/);
+  // A hall of 20 m x 12 m, in millimetres.
+  const line = (...ends) => ["0", "LINE", "8", "WALLS", ...ends.flatMap((value, k) => [[10, 20, 11, 21][k], value])].join("\n");
+  const lines = [line(0, 0, 2e4, 0), line(2e4, 0, 2e4, 12e3), line(2e4, 12e3, 0, 12e3), line(0, 12e3, 0, 0)].join("\n");
+  const dxf = `0\nSECTION\n2\nHEADER\n9\n$INSUNITS\n70\n4\n0\nENDSEC\n0\nSECTION\n2\nENTITIES\n${lines}\n0\nENDSEC\n0\nEOF\n`;
+  await load(dxf, "hall.dxf", "image/vnd.dxf");
+  const hall = await desk.until("the DXF", (state) => state.site.plan?.metres_per_px === 0.005);
+  assert.deepEqual(hall.site.plan.origin_px, [24, 2424], "the origin of the drawing");
+  await desk.key("2");
+  await desk.page.waitForTimeout(800);
+  await desk.picture("drawing-dxf");
   desk.fine();
   await desk.context.close();
 }
