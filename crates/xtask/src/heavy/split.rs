@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
 /// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
-const REST: [&str; 59] = [
+const REST: [&str; 65] = [
     // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
@@ -31,10 +31,16 @@ const REST: [&str; 59] = [
     "calib_core::floor::coverage",
     "calib_core::floor::pixel_density",
     "roxmltree",
-    "kurbo",
+    "kurbo::arc",
+    "kurbo::cubicbez",
+    "kurbo::offset",
+    "kurbo::stroke",
     "calib_app::export",
     "calib_app::plan::drawing_fields",
+    "calib_app::plan::agreement",
+    "calib_app::plan::placement",
     "calib_app::shell::palette",
+    "calib_editor::apply::proposing",
     "calib_plan::dxf",
     "calib_plan::read",
     "jiff",
