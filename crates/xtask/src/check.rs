@@ -165,7 +165,7 @@ const CHECKS: &[Check] = &[
             "crates/calib-plan/fuzz/seeds",
             "--",
             "-seed=1",
-            "-runs=60000",
+            "-runs=30000",
             "-max_len=4096",
             "-timeout=20",
         ],
