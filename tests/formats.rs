@@ -733,6 +733,8 @@ fn nvidia_export_refuses_ids_that_are_not_file_names() {
 fn svg_export_to_a_file_embeds_the_plan() {
     let mut site = site(&pinhole());
     site.plan = Some(calib_site::Plan {
+        page: None,
+        layers: None,
         image: Some("plan.png".into()),
         metres_per_px: 0.1,
         origin_px: Default::default(),
