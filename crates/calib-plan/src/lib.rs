@@ -1,6 +1,6 @@
 //! Floor plans from drawings: PDF, DXF and SVG.
 //!
-//! A drawing consists of lines, not of pixels. [`read`] chooses the pixels by a fixed rule, so that pixel positions in a site
+//! A drawing consists of lines, not of pixels. [`read()`] chooses the pixels by a fixed rule, so that pixel positions in a site
 //! file mean the same place in every program:
 //!
 //! - PDF: 150 pixels per inch of paper, fewer if a side would exceed 6,144 pixels;
