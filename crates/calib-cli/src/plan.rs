@@ -221,9 +221,7 @@ fn unknown_scale(read: &ReadPlan) -> String {
         Some(DrawingFacts { kind: DrawingKind::Dxf, .. }) => {
             "--unit is missing: the drawing states no unit of length".into()
         }
-        _ => {
-            "the scale is unknown; enter \"metres_per_px\" in the site file, or measure it in the app".into()
-        }
+        _ => "--metres-per-px is missing: the file states no scale; measure it in the app".into(),
     }
 }
 

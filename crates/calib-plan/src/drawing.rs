@@ -144,8 +144,8 @@ impl DrawingFacts {
         }
     }
 
-    /// Returns the pixel of world (0, 0) for a new plan: the origin of the drawing's coordinates if it lies in the
-    /// picture, otherwise the lower left corner.
+    /// Returns the pixel of world (0, 0) for a new plan. This is the origin of a DXF if the picture contains it,
+    /// otherwise the lower left corner.
     #[must_use]
     pub fn world_origin_px(&self) -> [f64; 2] {
         let [width, height] = self.size.map(f64::from);

@@ -7,8 +7,8 @@
 //! - DXF: a round number of drawing units per pixel, so that the longer side has 3,072 to 4,096 pixels;
 //! - SVG: 3,072 pixels on the longer side.
 //!
-//! The scale in metres is that of the drawing: the unit of a DXF, or a text such as "1:100" and the paper size of
-//! a PDF. Nothing is guessed: without these, the scale is unknown.
+//! The drawing states its scale: a DXF by its unit, a PDF by a text such as "1:100" and its paper size. Otherwise the
+//! scale is unknown. Nothing is guessed.
 //!
 //! Rule: a file may be hostile. Sizes, nesting and the number of points are limited, and a panic in a library is
 //! an error of the file. The modules, in data-flow order:

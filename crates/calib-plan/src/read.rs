@@ -9,8 +9,7 @@ use crate::error::PlanError;
 ///
 /// # Errors
 ///
-/// Fails if the drawing is damaged or too large, if the page or a layer does not exist, or if its type cannot be
-/// read here.
+/// Fails if the drawing is damaged or too large, if the page does not exist, or if its type cannot be read here.
 pub fn read(bytes: &[u8], view: &View) -> Option<Result<Drawing, PlanError>> {
     Some(match DrawingKind::of(bytes)? {
         DrawingKind::Dxf => crate::dxf::read(bytes, view),

@@ -43,8 +43,8 @@ impl Site {
         Self::from_json_with_drawing(text, |_| None)
     }
 
-    /// Reads and checks a site file whose plan may be a drawing that states its own scale. If the file has no
-    /// scale, `metres_per_px` returns that of the drawing, in metres per plan pixel.
+    /// Reads and checks a site file whose plan may be a drawing that states its scale. If the file has no scale,
+    /// `metres_per_px` is called. It returns the size of a plan pixel in metres, or `None` if it is unknown.
     ///
     /// # Errors
     /// The first error in the file, with its JSON pointer.

@@ -27,8 +27,7 @@ pub(super) fn fields(ui: &mut Ui, drawing: &DrawingFacts, plan: &mut Plan) -> Op
         let is_whole_unit =
             UNITS.iter().any(|(_, one)| (plan.metres_per_px / (units_per_px * one) - 1.0).abs() < 1e-6);
         if is_other && !is_whole_unit {
-            let text =
-                "The scale differs from that of the drawing. If the file was replaced, load the plan again.";
+            let text = "The drawing states another scale. If its file was replaced, load the plan again.";
             ui.label(RichText::new(text).color(theme::palette(ui.ctx()).warn));
         }
     }

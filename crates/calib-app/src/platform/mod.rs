@@ -126,7 +126,8 @@ pub(crate) trait Platform {
     /// Reads dropped files as chosen files.
     fn dropped(ctx: &Context, files: Vec<egui::DroppedFileHandle>) -> Task<Vec<Chosen>>;
 
-    /// Decodes an image in the background and passes it to `then`. Of a drawing, `view` is the shown part.
+    /// Decodes an image in the background and passes it to `then`. `view` selects the page or the layers of a
+    /// drawing.
     fn picture<T: Send + 'static>(
         ctx: &Context,
         source: Source,

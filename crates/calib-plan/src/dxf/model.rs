@@ -24,7 +24,7 @@ const MAX_TEXT_LENGTH: usize = 200;
 /// Largest number of columns or rows of an array of blocks.
 const MAX_ARRAY: i64 = 1000;
 
-/// Colour of lines without their own colour: that of the layer, or that of the insertion of the block.
+/// Layer and colour of a record. The lines of a block on layer 0 take both from the insertion of the block.
 #[derive(Clone, Copy)]
 struct Style<'a> {
     layer: &'a str,
@@ -112,7 +112,8 @@ impl<'a> Model<'a> {
             index += 1;
             if !self.has_capacity(1 + record.pairs.len()) {
                 return;
-            } // The vertices of a polyline are records of their own, up to SEQEND.
+            }
+            // The vertices of a polyline are records of their own, up to SEQEND.
             let parts = match record.kind {
                 "POLYLINE" => records[index..].iter().take_while(|part| part.kind == "VERTEX").count(),
                 _ => 0,

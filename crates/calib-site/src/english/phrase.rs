@@ -463,7 +463,7 @@ pub(super) fn scale_assumed(height: f64) -> String {
     format!("The scale is unknown: a camera height of {height:.2} m is assumed.")
 }
 
-/// Returns a sentence if a ratio of contradictory lengths is that of metres and feet; otherwise nothing.
+/// Returns a sentence about feet if the ratio of two contradictory lengths is about 3.28 or its inverse.
 fn feet(ratio: f64) -> &'static str {
     const FEET_PER_METRE: f64 = 1.0 / 0.3048;
     /// Largest difference of the ratios.
