@@ -135,9 +135,7 @@ fn read_plan(bytes: &[u8], args: &Args, view: &View) -> Result<ReadPlan, Command
         return Ok(ReadPlan { drawing: None, size, image: Some(image), scale: given });
     };
     let facts = &drawing.facts;
-    let is_layer =
-        |name: &&String| facts.layers.iter().any(|layer| layer.name.to_uppercase() == name.to_uppercase());
-    if let Some(unknown) = args.layers.iter().find(|name| !is_layer(name)) {
+    if let Some(unknown) = args.layers.iter().find(|name| !facts.has_layer(name)) {
         let names = shortened_list(facts.layers.iter().map(|layer| layer.name.as_str()));
         return Err(CommandError::Usage(format!("--layer {unknown}: {} has the layers {names}", args.file)));
     }

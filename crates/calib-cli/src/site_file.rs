@@ -266,9 +266,10 @@ impl SiteFile {
             return Ok(None);
         };
         let wrong = |error: String| CommandError::invalid(image_label(name), format!("the plan: {error}"));
-        let image = match self.drawing(plan)? {
+        let bytes = self.image_bytes(name)?;
+        let image = match drawing_of(plan, name, &bytes)? {
             Some(drawing) => drawing.into_image().map_err(|error| wrong(error.to_string()))?,
-            None => decode(&self.image_bytes(name)?).map_err(|error| wrong(error.to_string()))?,
+            None => decode(&bytes).map_err(|error| wrong(error.to_string()))?,
         };
         Ok(Some(image))
     }
@@ -276,10 +277,15 @@ impl SiteFile {
     /// Reads the drawing of a plan; `None` if its image is not a drawing.
     fn drawing(&self, plan: &Plan) -> Result<Option<Drawing>, CommandError> {
         let Some(name) = plan.image.as_deref() else { return Ok(None) };
-        let view = View { page: plan.page, layers: plan.layers.clone() };
-        let drawing = calib_plan::read(&self.image_bytes(name)?, &view).transpose();
-        drawing.map_err(|error| CommandError::invalid(image_label(name), format!("the plan: {error}")))
+        drawing_of(plan, name, &self.image_bytes(name)?)
     }
+}
+
+/// Reads the drawing of a plan from the bytes of its image; `None` if the image is not a drawing.
+fn drawing_of(plan: &Plan, name: &str, bytes: &[u8]) -> Result<Option<Drawing>, CommandError> {
+    let view = View { page: plan.page, layers: plan.layers.clone() };
+    let drawing = calib_plan::read(bytes, &view).transpose();
+    drawing.map_err(|error| CommandError::invalid(image_label(name), format!("the plan: {error}")))
 }
 
 /// Returns `path` relative to the folder of `file`, as the site in `file` refers to it.

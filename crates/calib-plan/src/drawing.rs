@@ -144,6 +144,12 @@ impl DrawingFacts {
         }
     }
 
+    /// Whether the drawing has a layer with this name, in any case.
+    #[must_use]
+    pub fn has_layer(&self, name: &str) -> bool {
+        has_layer(&self.layers, name)
+    }
+
     /// Returns the pixel of world (0, 0) for a new plan. This is the origin of a DXF if the picture contains it,
     /// otherwise the lower left corner.
     #[must_use]
@@ -152,6 +158,11 @@ impl DrawingFacts {
         let inside = |&[x, y]: &[f64; 2]| (0.0..=width).contains(&x) && (0.0..=height).contains(&y);
         self.origin_px.filter(inside).unwrap_or([0.0, height])
     }
+}
+
+/// Whether one of the layers has this name, in any case.
+pub(crate) fn has_layer(layers: &[Layer], name: &str) -> bool {
+    layers.iter().any(|layer| layer.name.to_uppercase() == name.to_uppercase())
 }
 
 /// Drawing that was read.

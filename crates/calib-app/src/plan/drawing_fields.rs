@@ -42,18 +42,15 @@ pub(super) fn fields(ui: &mut Ui, drawing: &DrawingFacts, plan: &mut Plan) -> Op
     if let Some(paper) = drawing.paper_metres_per_px {
         let mut ratio = plan.metres_per_px / paper;
         let field = DragValue::new(&mut ratio).speed(1.0).range(0.1..=1e6).prefix("1 : ").max_decimals(2);
-        if labelled(ui, "Paper scale", field.update_while_editing(false)) {
-            (plan.metres_per_px, changed) = (paper * ratio, Some("change the scale of the plan"));
+        let mut is_changed = labelled(ui, "Paper scale", field.update_while_editing(false));
+        for stated in drawing.scales_in_text.iter().copied().map(f64::from) {
+            let is_other = (ratio / stated - 1.0).abs() >= 1e-3;
+            if is_other && ui.button(format!("Use 1 : {stated} from the page")).clicked() {
+                (ratio, is_changed) = (stated, true);
+            }
         }
-    }
-    for &ratio in &drawing.scales_in_text {
-        let is_own = drawing
-            .paper_metres_per_px
-            .is_none_or(|paper| (plan.metres_per_px / (paper * f64::from(ratio)) - 1.0).abs() < 1e-3);
-        if let Some(paper) = drawing.paper_metres_per_px.filter(|_| !is_own)
-            && ui.button(format!("Use 1 : {ratio} from the page")).clicked()
-        {
-            (plan.metres_per_px, changed) = (paper * f64::from(ratio), Some("change the scale of the plan"));
+        if is_changed {
+            (plan.metres_per_px, changed) = (paper * ratio, Some("change the scale of the plan"));
         }
     }
     if let Some(units_per_px) = drawing.units_per_px {

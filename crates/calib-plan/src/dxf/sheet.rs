@@ -7,7 +7,7 @@ use kurbo::{Affine, BezPath, Point, Rect};
 use super::model::{Model, Stroke};
 use super::pairs::Pairs;
 use super::tables::{Tables, metres_of_unit};
-use crate::drawing::{Drawing, DrawingFacts, DrawingKind, Layer, Picture, ScaleSource, View};
+use crate::drawing::{Drawing, DrawingFacts, DrawingKind, Layer, Picture, ScaleSource, View, has_layer};
 use crate::error::PlanError;
 
 /// Largest side of the picture, in pixels.
@@ -35,7 +35,7 @@ pub(crate) fn read(bytes: &[u8], view: &View) -> Result<Drawing, PlanError> {
     let asked = view.layers.as_deref();
     let mut model = Model::new(&tables, asked);
     let mut layers = listed_layers(&tables, &model);
-    let is_unknown = |name: &&String| !is_layer(&layers, name);
+    let is_unknown = |name: &&String| !has_layer(&layers, name);
     let unknown: Vec<&str> =
         asked.unwrap_or_default().iter().filter(is_unknown).map(String::as_str).collect();
     if asked.is_some_and(|asked| asked.len() == unknown.len()) {
@@ -78,10 +78,6 @@ pub(crate) fn read(bytes: &[u8], view: &View) -> Result<Drawing, PlanError> {
         ..DrawingFacts::new(DrawingKind::Dxf, size.map(|side| side as u32))
     };
     Ok(Drawing { picture: Picture::Svg(document(&model, to_pixels, size)), facts })
-}
-
-fn is_layer(layers: &[Layer], name: &str) -> bool {
-    layers.iter().any(|layer| layer.name.to_uppercase() == name.to_uppercase())
 }
 
 /// Returns the layers of the tables and those that only records name.
