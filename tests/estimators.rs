@@ -561,6 +561,7 @@ fn placement_moves_rotates_and_scales_the_camera() {
         scale: Some(1.5),
         fixed: false,
         held: calib_site::FixedEntry::default(),
+        estimated: false,
     });
     let solution = solve(camera);
     assert_eq!(solution.position_m, Some(WorldPoint::new(4.0, -2.0, 4.5)));

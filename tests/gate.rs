@@ -592,7 +592,7 @@ fn placement_by_hand_has_no_uncertainty_until_fixed() {
         let scale = Some(camera.position.z / 3.0);
         let (move_m, turn_deg) = (camera.position.on_floor(), camera.yaw.to_degrees());
         let (fixed, held) = (false, FixedEntry::default());
-        entry.placement = Some(PlacementEntry { move_m, turn_deg, scale, fixed, held });
+        entry.placement = Some(PlacementEntry { move_m, turn_deg, scale, fixed, held, estimated: false });
     }
     let claims = |site: &Site| {
         let solved = site.calibrate(&Options::default()).write_into(site);

@@ -434,6 +434,7 @@ fn segments_of_floor_lines_determine_cameras() {
                 scale: Some(truth.position.z / STAGE_1_HEIGHT),
                 fixed: false,
                 held: calib_site::FixedEntry::default(),
+                estimated: false,
             });
         }
         lines.place_first();

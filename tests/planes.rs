@@ -138,6 +138,7 @@ fn placed(entry: SiteCamera, camera: &Camera, fixed: bool) -> SiteCamera {
         scale: Some(camera.position.z / 3.0),
         fixed,
         held: calib_site::FixedEntry::default(),
+        estimated: false,
     };
     SiteCamera { placement: Some(placement), ..entry }
 }

@@ -175,6 +175,7 @@ impl Layout {
             scale: Some(camera.position.z / calib_core::floor::STAGE_1_HEIGHT),
             fixed: false,
             held: calib_site::FixedEntry::default(),
+            estimated: false,
         });
     }
 }

@@ -363,6 +363,7 @@ fn placement_entry(hand: &mut Operator) -> PlacementEntry {
         scale: Some(off(SCALE_SIGMA, 1e4, hand.camera.position.z / STAGE_1_HEIGHT)),
         fixed: false,
         held: calib_site::FixedEntry::default(),
+        estimated: false,
     }
 }
 

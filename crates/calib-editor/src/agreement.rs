@@ -316,6 +316,7 @@ mod tests {
                 scale: Some(pose.position.z / calib_core::floor::STAGE_1_HEIGHT),
                 fixed: false,
                 held: calib_site::FixedEntry::default(),
+                estimated: false,
             });
         let moved = Session::new(site, Images::default(), None);
         let after = agreements(&moved, camera, &poses);

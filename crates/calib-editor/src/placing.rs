@@ -28,7 +28,8 @@ impl Session {
             let (fixed, held) = own.map_or_else(Default::default, |own| (own.fixed, own.held));
             let entry = rounded(placement);
             let scale = entry.scale.filter(|_| says_scale);
-            camera.placement = Some(PlacementEntry { fixed, held, scale, ..entry });
+            let estimated = !is_scaled && own.is_some_and(|entry| entry.estimated);
+            camera.placement = Some(PlacementEntry { fixed, held, scale, estimated, ..entry });
         }
     }
 

@@ -13,8 +13,8 @@ pub fn refined(mut site: Site) -> Site {
         let pose = result.as_ref().ok().filter(|s| s.stage == Stage::Refined);
         if let Some(pose) = pose.and_then(Solution::camera) {
             let entry = &mut site.cameras[*index];
-            entry.placement =
-                Some(keep_fixed_numbers(entry.placement.as_ref(), rounded(Placement::from_camera(&pose))));
+            let found = PlacementEntry { estimated: true, ..rounded(Placement::from_camera(&pose)) };
+            entry.placement = Some(keep_fixed_numbers(entry.placement.as_ref(), found));
         }
     }
     for (mark, found) in site.marks.iter_mut().zip(&report.marks) {

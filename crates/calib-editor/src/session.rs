@@ -268,6 +268,7 @@ impl Session {
                 fixed: own.fixed,
                 held: own.held,
                 scale: kept.scale.filter(|_| own.scale.is_some()),
+                estimated: own.estimated,
                 ..kept
             };
             if camera.placement.as_ref() != Some(&kept) {

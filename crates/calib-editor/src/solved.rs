@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use calib_core::{Camera, Failure, FailureCode, Finding, Pixel, Placement, Plane, Surface};
+use calib_core::{
+    Camera, Failure, FailureCode, Finding, Pixel, Placement, Plane, Residual, ResidualOf, Surface,
+};
 
 use calib_site::{
     ElementSolution, FailureEntry, LensCache, Names, Plan, PlaneEntry, Report, SceneEntry, Site, SiteCamera,
@@ -331,6 +333,16 @@ impl Solved {
                 && site.describe_finding(Some(index), finding, Names::InFile) == *warning
         };
         self.entries.get(index)?.findings.iter().find(matches_warning)
+    }
+
+    /// Whether a wrong click of a link in a camera may stay undetected, because there is no redundant link.
+    #[must_use]
+    pub fn is_link_unchecked(&self, site: &Site, link: usize, camera: usize) -> bool {
+        let id = site.links.get(link).and_then(|link| link.id.clone()).unwrap_or_else(|| link.to_string());
+        let (Some(solution), Some(pose)) = (self.solution(camera), self.pose(camera)) else { return false };
+        let of_link =
+            |residual: &&Residual| residual.of == ResidualOf::Link && residual.id.as_ref() == Some(&id);
+        solution.residuals.iter().filter(of_link).any(|residual| residual.is_unchecked(pose.position.z))
     }
 
     /// Returns the pose and lens of a camera.

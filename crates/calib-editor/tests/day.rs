@@ -396,6 +396,7 @@ fn measured_height_survives_fixing_and_unfixing_the_placement() {
             scale: Some(1.0),
             fixed: true,
             held,
+            estimated: false,
         };
         (site.cameras[0].placement, site.cameras[0].height_m) = (Some(placement), Some(measured));
         operator.0.apply(Action::Open(Box::new(Opened {

@@ -162,3 +162,26 @@ fn undo_of_refining_leaves_no_result_out_of_date() {
     editor.apply(Action::Gesture(Gesture::Undo));
     assert!(editor.session().solved.is_joint_current());
 }
+
+/// The scale of a placement that a joint solve wrote is a start value. A measured length that is added later
+/// determines the height as if the camera had never been refined.
+#[test]
+fn placement_of_a_joint_solve_is_no_evidence_of_the_height() {
+    let alone = |editor: &Editor| editor.session().solved.pose(1).unwrap().position.z;
+    let mut editor = together();
+    assert!(editor.site().cameras[1].placement.as_ref().unwrap().estimated);
+    let measured = calib_core::single::Known::prior(5.0, 0.2);
+    change(&mut editor, |site| {
+        site.links.clear();
+        site.marks.clear();
+        site.distances.clear();
+        site.cameras[1].height_m = Some(measured);
+    });
+    let mut fresh = Editor::default();
+    let mut site = editor.site().clone();
+    site.cameras[1].placement = None;
+    open(&mut fresh, site);
+    let [after, expected] = [alone(&editor), alone(&fresh)];
+    assert!((after - expected).abs() < 1e-6, "{after} m and {expected} m");
+    assert!((expected - 5.0).abs() < 0.5, "the entered height applies: {expected} m");
+}

@@ -9,11 +9,11 @@ use crate::single_step::SingleFit;
 use crate::solution::Stage;
 use calib_core::bundle::{
     BundleAdjustment, BundleCamera, BundleSummary, CameraEstimate, Component, CrossCovariance,
-    DistanceMeasurement, FixedPose, InitialPose, Landmark, OutlierCandidate, PlaneEstimate,
+    DistanceMeasurement, FixedPose, InitialPose, Landmark, OutlierCandidate, PlaneEstimate, Reliability,
 };
 use calib_core::camera::{Camera, Covariance, Lens, Pixel, WorldPoint};
 use calib_core::floor::STAGE_1_HEIGHT;
-use calib_core::outcome::Failure;
+use calib_core::outcome::{Failure, Source};
 use calib_core::single::{FixedParameters, PlanePrior, PrincipalPointPrior, Priors};
 
 /// Result of the bundle adjustment of a site.
@@ -25,6 +25,10 @@ pub(crate) struct BundleResult {
     /// Landmarks with their source in the site, at their estimated positions. Rejected landmarks are switched
     /// off.
     pub(crate) landmarks: Vec<(LandmarkSource, Landmark)>,
+    /// Reliability of the used annotations of every camera.
+    pub(crate) annotation_reliabilities: Vec<Vec<(Source, Reliability)>>,
+    /// Reliability of the observations of every landmark, each with the index of its camera.
+    pub(crate) landmark_reliabilities: Vec<Vec<(usize, Reliability)>>,
     /// Covariance of the parameters of every landmark; `None` if it is not refined.
     pub(crate) covariances: Vec<Option<[[f64; 3]; 3]>>,
     /// Measured distances, each with its index in the site.
@@ -89,6 +93,8 @@ impl BundleResult {
         Self {
             cameras: summary.cameras,
             landmarks: sources.into_iter().zip(summary.landmarks).collect(),
+            annotation_reliabilities: summary.annotation_reliabilities,
+            landmark_reliabilities: summary.landmark_reliabilities,
             covariances: summary.landmark_covariances,
             measurements: distances.into_iter().zip(summary.distances).collect(),
             rejected: summary.rejected,

@@ -141,6 +141,7 @@ impl From<Placement> for PlacementEntry {
             scale: Some(placement.scale),
             fixed: false,
             held: FixedEntry::default(),
+            estimated: false,
         }
     }
 }

@@ -20,7 +20,7 @@
 //! - `single_step`: stage 1, each camera separately, with `points_step` (stage 1 from control points);
 //! - `observations`, `bundle_step`: stage 2, all cameras jointly, from their shared observations;
 //! - `placement_step`: placement of cameras by control points or by hand;
-//! - `overlap`, `quality`, `points_outside`: agreement between cameras, and findings;
+//! - `overlap`, `quality`, `reliability`, `points_outside`: agreement between cameras, and findings;
 //! - `camera_result`, `english`: conversion of findings to sentences.
 //!
 //! After solving:
@@ -112,6 +112,7 @@ mod check;
 mod placement_step;
 mod overlap;
 mod quality;
+mod reliability;
 mod pipeline;
 mod out_of_date;
 mod lens_family;

@@ -107,6 +107,7 @@ impl Site {
             .collect();
         let triangulated = bundle.triangulated();
         self.add_shared_residuals(&bundle, &triangulated, &mut results);
+        self.add_reliabilities(&bundle, &mut results);
         let [links, marks] = self.elements(&bundle, &triangulated);
         let (mut site, mut site_findings) = self.quality(&bundle, &triangulated, &results);
         if !is_joint {

@@ -50,7 +50,9 @@ impl Site {
         match &entry.placement {
             Some(placement) => {
                 let by_hand = placement.placement().apply(&first);
-                if placement.scale.is_none() && !fixed {
+                // The scale of a joint solve follows from evidence that is no longer used, or used twice.
+                let has_no_evidence = placement.scale.is_none() || placement.estimated && height_is_known;
+                if has_no_evidence && !fixed {
                     let position = WorldPoint { z: first.position.z, ..by_hand.position };
                     return (Camera { position, ..by_hand }, Stage::Placed);
                 }
@@ -111,6 +113,8 @@ impl Site {
                 id: Some(point.label(index)),
                 px: shown.distance(point.px),
                 outlier: false,
+                redundancy: None,
+                undetectable_m: None,
             });
         }
         if !hidden.is_empty() && result.solution.stage > Stage::Partial {

@@ -101,7 +101,7 @@ impl From<LandmarkSource> for Subject {
 }
 
 impl Site {
-    fn landmark_name(&self, of: LandmarkSource) -> (ResidualOf, String) {
+    pub(crate) fn landmark_name(&self, of: LandmarkSource) -> (ResidualOf, String) {
         match of {
             LandmarkSource::Link(i) => (ResidualOf::Link, name(self.links[i].id.as_ref(), i)),
             LandmarkSource::Mark(i) => (ResidualOf::Mark, name(self.marks[i].id.as_ref(), i)),
@@ -143,7 +143,16 @@ impl Site {
                 let Some(result) = by_camera.get_mut(&view) else { continue };
                 let (annotation, segment, px) = (None, None, f64::sqrt(sum / count));
                 let id = Some(id.clone());
-                result.solution.residuals.push(Residual { of: what, annotation, segment, id, px, outlier });
+                result.solution.residuals.push(Residual {
+                    of: what,
+                    annotation,
+                    segment,
+                    id,
+                    px,
+                    outlier,
+                    redundancy: None,
+                    undetectable_m: None,
+                });
             }
         }
     }

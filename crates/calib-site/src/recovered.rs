@@ -294,6 +294,7 @@ fn placement(old: &SiteCamera, now: &Camera) -> Option<PlacementEntry> {
         scale,
         fixed,
         held,
+        estimated: false,
     };
     if is_placed { Some(place()) } else { old.placement.clone() }
 }

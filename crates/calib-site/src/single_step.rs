@@ -386,6 +386,8 @@ pub(crate) fn residual_entries(
             id: None,
             px,
             outlier: outliers.contains(&source),
+            redundancy: None,
+            undetectable_m: None,
         })
         .collect();
     list.sort_by_key(|residual| (residual.annotation, residual.segment));

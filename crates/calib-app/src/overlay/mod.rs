@@ -17,7 +17,7 @@ use calib_draw::{
 };
 use calib_editor::{Edge, Family, Part, SearchLine, Session, Units, hit};
 use calib_site::{Site, SiteCamera, Solution, SuggestionEntry};
-use egui::{Align2, Color32, Painter, Pos2, Rect, Stroke, Vec2};
+use egui::{Align2, Color32, Painter, Pos2, Rect, Shape, Stroke, Vec2};
 
 use crate::canvas::Mapping;
 use crate::paint::{Pen, handle, line, ring, tag};
@@ -242,12 +242,17 @@ impl Overlay<'_> {
                 }
                 painter.circle_stroke(at, 5.0, Stroke::new(1.5, pen.colour));
             }
-            Meaning::Link { .. } => diamond(painter, at, pen.colour),
+            Meaning::Link { index, .. } => diamond(painter, at, pen.colour, !self.is_link_unchecked(index)),
             Meaning::Suggestion(_) => {
                 painter.circle_stroke(at, 4.0, Stroke::new(1.25, pen.colour));
             }
             _ => handle(painter, at, pen.colour),
         }
+    }
+
+    /// Whether a wrong click of a link in this view may stay undetected.
+    fn is_link_unchecked(&self, link: usize) -> bool {
+        self.session.solved.is_link_unchecked(&self.session.site, link, self.camera)
     }
 
     /// Paints the name of an element if it is selected, unfinished, or near the pointer.
@@ -374,9 +379,14 @@ fn suggestion_text(next: &SuggestionEntry, kind: Kind) -> String {
     format!("{} here: floor error drops to \u{b1} {gain:.1} %   N", kind.row().title.to_lowercase())
 }
 
-fn diamond(painter: &Painter, at: Pos2, colour: Color32) {
+fn diamond(painter: &Painter, at: Pos2, colour: Color32, is_filled: bool) {
     let corners = [[0.0, -6.0], [6.0, 0.0], [0.0, 6.0], [-6.0, 0.0], [0.0, -6.0]];
     let points: Vec<Pos2> = corners.iter().map(|&[x, y]| at + Vec2::new(x, y)).collect();
+    if is_filled {
+        // The pixel below stays visible.
+        let fill = colour.gamma_multiply(0.4);
+        painter.add(Shape::convex_polygon(points.clone(), fill, Stroke::NONE));
+    }
     line(painter, &points, Pen::new(colour, 1.75));
     painter.circle_filled(at, 1.25, colour);
 }

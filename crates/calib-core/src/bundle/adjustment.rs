@@ -8,6 +8,7 @@ use crate::bundle::copies::Copies;
 use crate::bundle::initialization::{Initialization, initialize};
 use crate::bundle::landmark::{DistanceMeasurement, Landmark, LandmarkModel, pairs_among};
 use crate::bundle::refinement::{Refined, Refinement};
+use crate::bundle::reliability::{Observed, Reliability};
 use crate::bundle::residuals::ResidualKind;
 use crate::bundle::view_graph::{Component, clusters};
 use crate::camera::Camera;
@@ -44,6 +45,10 @@ pub struct BundleSummary {
     pub cameras: Vec<Option<CameraEstimate>>,
     /// Landmarks at their estimated positions; rejected and unused landmarks are switched off.
     pub landmarks: Vec<Landmark>,
+    /// Reliability of the used annotations of every camera, ascending by source.
+    pub annotation_reliabilities: Vec<Vec<(Source, Reliability)>>,
+    /// Reliability of the observations of every refined landmark, each with the index of its camera.
+    pub landmark_reliabilities: Vec<Vec<(usize, Reliability)>>,
     /// Covariance of the parameters of every refined landmark, in the order and units of its model; zeros for
     /// fixed parameters.
     pub landmark_covariances: Vec<Option<[[f64; 3]; 3]>>,
@@ -111,6 +116,7 @@ impl BundleSummary {
         [cluster, landmarks, distances]: [&[usize]; 3],
     ) {
         let own = annotation_residuals(&refined, cluster.len());
+        self.add_reliabilities(&refined.reliabilities, cluster, landmarks);
         for (plane, estimate) in self.planes.iter_mut().zip(&refined.planes) {
             *plane = estimate.or(*plane);
         }
@@ -142,6 +148,32 @@ impl BundleSummary {
         }
         let pairs = refined.pairs.into_iter();
         self.cross_covariances.extend(pairs.map(|(pair, block)| (pair.map(|view| cluster[view]), block)));
+    }
+}
+
+impl BundleSummary {
+    /// Adds the reliabilities of a cluster with the given indices of cameras and landmarks.
+    fn add_reliabilities(
+        &mut self,
+        found: &[(Observed, Reliability)],
+        cluster: &[usize],
+        landmarks: &[usize],
+    ) {
+        for &(observed, reliability) in found {
+            match observed {
+                Observed::Annotation { view, source } => {
+                    self.annotation_reliabilities[cluster[view]].push((source, reliability));
+                }
+                Observed::Landmark { landmark, observation } => {
+                    let landmark = landmarks[landmark];
+                    let of_cluster = self.landmarks[landmark].observations.iter();
+                    let seen =
+                        of_cluster.filter(|seen| cluster.binary_search(&seen.view).is_ok()).nth(observation);
+                    let seen = seen.map(|seen| (seen.view, reliability));
+                    self.landmark_reliabilities[landmark].extend(seen);
+                }
+            }
+        }
     }
 }
 
@@ -378,6 +410,8 @@ impl BundleAdjustment<'_> {
             initial;
         let mut summary = BundleSummary {
             cameras: vec![None; self.cameras.len()],
+            annotation_reliabilities: vec![Vec::new(); self.cameras.len()],
+            landmark_reliabilities: vec![Vec::new(); landmarks.len()],
             landmark_covariances: vec![None; landmarks.len()],
             planes: vec![None; self.planes.len()],
             landmarks,
@@ -391,6 +425,7 @@ impl BundleAdjustment<'_> {
         for cluster in clusters(&self.cameras, &summary.components, &summary.unreached) {
             self.refine(&cluster, &poses, &mut summary);
         }
+        self.add_lone_reliabilities(&poses, &mut summary);
         summary
     }
 
@@ -423,6 +458,27 @@ impl BundleAdjustment<'_> {
                 );
             }
             None => summary.unsolved.extend(cluster),
+        }
+    }
+
+    /// Adds the reliability of the annotations of the cameras that are not refined, because stage 1 is their
+    /// result.
+    fn add_lone_reliabilities(&self, poses: &[Camera], summary: &mut BundleSummary) {
+        for camera in 0..self.cameras.len() {
+            let is_solved = summary.cameras[camera].is_some() || summary.unsolved.contains(&camera);
+            let has_shared_lens = self.cameras[camera].lens_owner(camera) != camera;
+            if is_solved || has_shared_lens || self.cameras[camera].fit.is_none() {
+                continue;
+            }
+            let refinement = Refinement {
+                views: self.views(&[camera], poses, summary),
+                landmarks: Vec::new(),
+                distances: Vec::new(),
+                copies: Copies::new(&[], &[]),
+                planes: self.planes.clone(),
+                noise_is_known: vec![self.cameras[camera].noise_is_known],
+            };
+            summary.add_reliabilities(&refinement.reliabilities(), &[camera], &[]);
         }
     }
 

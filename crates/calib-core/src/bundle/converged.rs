@@ -343,7 +343,7 @@ impl<'a> Converged<'a> {
         let mut distances = vec![0.0; self.problem.distances.len()];
         for &(kind, residual) in &self.residuals {
             match kind {
-                ResidualKind::Observation { landmark } | ResidualKind::LandmarkPrior { landmark } => {
+                ResidualKind::Observation { landmark, .. } | ResidualKind::LandmarkPrior { landmark } => {
                     landmarks[landmark] += residual * residual;
                 }
                 ResidualKind::Distance { distance } => distances[distance] += residual * residual,

@@ -21,6 +21,7 @@
 //! - `annotation_residuals`: the residuals of stage 1 in the adjustment. **The residual of a vertical line**
 //!   is derived in `single/residual.rs` and evaluated here by `BundleProblem::each_annotation`.
 //! - `converged`: a minimum, its covariances, and the chi-square of every outlier candidate.
+//! - `reliability`: whether a gross error of an observation would be detected.
 //! - `refinement`: the minimum without outliers.
 //! - `adjustment`: the entry point, [`BundleAdjustment::solve`], and its result.
 //!
@@ -42,6 +43,7 @@ mod retraction;
 mod shared_planes;
 mod annotation_residuals;
 mod converged;
+mod reliability;
 mod refinement;
 mod adjustment;
 
@@ -49,6 +51,7 @@ pub use adjustment::{BundleAdjustment, BundleError, BundleSummary, CameraEstimat
 pub use camera::{BundleCamera, FixedPose, InitialPose};
 pub use converged::{CrossCovariance, OutlierCandidate, PlaneEstimate};
 pub use landmark::{DistanceMeasurement, Landmark, LandmarkModel, Observation};
+pub use reliability::Reliability;
 pub use view_graph::Component;
 
 pub use landmark::LANDMARK_PARAMS;

@@ -270,9 +270,9 @@ impl<'a> BundleProblem<'a> {
         sink: &mut impl FnMut(f64, &[JacobianBlock], ResidualKind),
     ) -> Option<()> {
         let landmark = &self.landmarks[index];
-        let kind = ResidualKind::Observation { landmark: index };
         let (ground, plane) = self.ground(state, index);
         for (observation, seen) in landmark.observations.iter().enumerate() {
+            let kind = ResidualKind::Observation { landmark: index, observation };
             let pose = &poses[seen.view];
             let observed = if self.lens_is_free(seen.view) {
                 self.undistort(seen.view, seen.pixel, &pose.camera.lens)

@@ -40,6 +40,7 @@ use crate::bundle::converged::{
 use crate::bundle::copies::Copies;
 use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
 use crate::bundle::problem::BundleProblem;
+use crate::bundle::reliability::{Observed, Reliability, reliabilities};
 use crate::bundle::residuals::{ResidualKind, distance_residual};
 use crate::bundle::triangulation::triangulate;
 use crate::camera::{Camera, Covariance, ObservedPixel, PosedCamera};
@@ -212,6 +213,8 @@ pub(crate) struct Refined {
     pub(crate) planes: Vec<Option<PlaneEstimate>>,
     /// Cross-covariances of correlated cameras.
     pub(crate) pairs: Vec<([usize; 2], CrossCovariance)>,
+    /// Reliability of every annotation and observation that was used, ascending.
+    pub(crate) reliabilities: Vec<(Observed, Reliability)>,
 }
 
 /// Initialised cluster of cameras with their landmarks and distances; indices refer to the cluster.
@@ -258,6 +261,15 @@ impl Refinement<'_> {
             converged = without;
         }
         Some(self.finish(converged, rejected))
+    }
+
+    /// Returns the reliability of every annotation and observation with nothing rejected.
+    pub(crate) fn reliabilities(&self) -> Vec<(Observed, Reliability)> {
+        let found = self.solve_without(&[], None).and_then(|mut converged| {
+            let covariance = converged.covariance.take().or_else(|| converged.covariance())?;
+            Some(reliabilities(&converged, &covariance, &vec![1.0; self.views.len()]))
+        });
+        found.unwrap_or_default()
     }
 
     /// Returns the minimum with all landmarks and distances, except the suspects that contradict it.
@@ -469,10 +481,12 @@ impl Refinement<'_> {
         let spread = if inflation > 1.0 { inflation.sqrt() * student_factor(*dof) } else { 1.0 };
         let mut cameras: Vec<Camera> = (0..problem.views.len()).map(|view| converged.camera(view)).collect();
         let mut pairs = Vec::new();
+        let mut found = Vec::new();
         if let Some(covariance) = &covariance {
             // Given noise is not scaled.
             let factors: Vec<f64> =
                 self.noise_is_known.iter().map(|&known| if known { 1.0 } else { spread }).collect();
+            found = reliabilities(&converged, covariance, &factors);
             let between = converged.covariance_between_cameras();
             let (inflation, between) = (&factors[..], between.as_ref());
             let marginals = Marginals { problem, covariance, cameras: &cameras, inflation, between };
@@ -493,6 +507,7 @@ impl Refinement<'_> {
             residuals,
             planes: converged.planes(covariance.as_ref(), spread * spread),
             pairs,
+            reliabilities: found,
         }
     }
 }

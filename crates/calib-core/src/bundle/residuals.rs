@@ -30,8 +30,8 @@ pub(crate) enum ResidualKind {
     StraightEdge,
     /// Prior on a parameter of a camera.
     CameraPrior,
-    /// Observation of a landmark.
-    Observation { landmark: usize },
+    /// Observation of a landmark, by its index in the landmark.
+    Observation { landmark: usize, observation: usize },
     /// Prior on a parameter of a plane.
     PlanePrior,
     /// Prior on a parameter of a landmark.

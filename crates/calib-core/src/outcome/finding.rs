@@ -350,6 +350,13 @@ pub enum Finding {
         /// Degrees of freedom: residuals minus unknowns, of the control points, annotations and priors.
         dof: i64,
     },
+    /// Links or marks of the camera have no redundancy: a wrong one would move the camera without a residual.
+    UncheckedLinks {
+        /// Links and marks without redundancy.
+        elements: Vec<Subject>,
+        /// Indices of the other cameras that observe them.
+        cameras: Vec<usize>,
+    },
     /// Two control points fit if their pixels are exchanged.
     ExchangedControlPoints {
         /// Indices of the control points.
@@ -451,7 +458,9 @@ impl Finding {
             Self::Unusable { .. } => Code::Unusable,
             Self::NoFloor => Code::NoFloor,
             Self::ExchangedControlPoints { .. } => Code::PointsExchanged,
-            Self::Unchecked { .. } | Self::UncheckedPoints { .. } => Code::Unchecked,
+            Self::Unchecked { .. } | Self::UncheckedPoints { .. } | Self::UncheckedLinks { .. } => {
+                Code::Unchecked
+            }
             Self::FewResiduals { .. } => Code::FewResiduals,
             Self::UncertaintyUnknown | Self::NoStandardDeviations => Code::UncertaintyUnknown,
             Self::OutOfDate { .. } => Code::OutOfDate,
@@ -561,6 +570,7 @@ impl Finding {
                 Subject::ControlPoint { camera: *camera, point: *point }
             }
             Self::ElementOutlier { element, .. } => *element,
+            Self::UncheckedLinks { elements, .. } => elements.first().copied().unwrap_or(Subject::Placement),
             Self::OutOfDate { subject: what, .. } | Self::PointsOutside { first: what, .. } => *what,
             Self::DistanceOutlier { distance, .. } => Subject::Distance(*distance),
             Self::NotConnected { cameras, .. } => {

@@ -20,4 +20,4 @@ pub use finding::{
     DisconnectionReason, Estimator, Finding, OtherMinimum, SharedEvidence, SuggestedAnnotation, Suggestion,
     UnusedReason,
 };
-pub use subject::{Parameter, Residual, ResidualOf, Source, Subject};
+pub use subject::{Parameter, Residual, ResidualOf, Source, Subject, is_unchecked};

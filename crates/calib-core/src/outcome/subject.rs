@@ -14,7 +14,7 @@ pub enum Parameter {
 }
 
 /// Annotated segment that a constraint or residual belongs to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Source {
     /// Index of the annotation in its camera.
     pub annotation: usize,
@@ -97,4 +97,37 @@ pub struct Residual {
     pub px: f64,
     /// Whether the evidence was rejected as an outlier.
     pub outlier: bool,
+    /// Redundancy number (Baarda 1968) of the error that moves the floor most: from 0 (no other evidence checks
+    /// this one) to 1. Absent if it is not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub redundancy: Option<f64>,
+    /// Largest root mean square move of the floor by an error of this evidence that is not detected, in metres.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub undetectable_m: Option<f64>,
+}
+
+/// Redundancy below which an observation is not checked by others (Förstner 1987).
+const MIN_REDUNDANCY: f64 = 0.01;
+
+/// Undetected move of the floor that is accepted of an observation with less redundancy, in camera heights. Two
+/// links of a pair of cameras allow any move; three links at different places allow less than this.
+const MAX_ACCEPTED_MOVE: f64 = 0.5;
+
+/// Whether a gross error of an observation may stay undetected, although it moves the floor by more than half of
+/// the height of the camera. `redundancy` and `undetectable_m` are those of [`Residual`], and `height` is in
+/// metres.
+#[must_use]
+pub fn is_unchecked(redundancy: f64, undetectable_m: f64, height: f64) -> bool {
+    redundancy < MIN_REDUNDANCY && undetectable_m > MAX_ACCEPTED_MOVE * height.abs()
+}
+
+impl Residual {
+    /// Whether a gross error may stay undetected, although it moves the floor ([`is_unchecked`]). `height` is the
+    /// height of the camera, in metres.
+    #[must_use]
+    pub fn is_unchecked(&self, height: f64) -> bool {
+        self.redundancy
+            .zip(self.undetectable_m)
+            .is_some_and(|(redundancy, undetectable)| is_unchecked(redundancy, undetectable, height))
+    }
 }

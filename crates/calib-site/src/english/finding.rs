@@ -110,6 +110,7 @@ impl SentenceContext<'_> {
         match finding {
             F::ControlPointOutlier { camera, point } => self.control_point_outlier(*camera, *point),
             F::ElementOutlier { element, worst } => self.element_outlier(*element, *worst),
+            F::UncheckedLinks { elements, cameras } => self.unchecked_links(elements, cameras),
             F::DistanceOutlier { distance, lengths } => self.distance_outlier(*distance, *lengths),
             F::NotConnected { cameras, reason: why } => self.not_connected(cameras, *why),
             F::UndeterminedPosition { camera } => {
@@ -267,11 +268,12 @@ const fn shared_advice(finding: &Finding) -> &'static str {
         F::ControlPointOutlier { .. } => {
             "Check its coordinates and its pixel. If both are correct, use it anyway (\"keep\")."
         }
+        F::UncheckedLinks { .. } => "Link one more point with that camera, far from the others.",
         F::ElementOutlier { .. } => {
             "Check that it marks the same object in every camera. If it does, use it anyway (\"keep\")."
         }
         F::DistanceOutlier { .. } => "Check the length and its unit.",
-        F::NotConnected { .. } => "Link two points with a connected camera, or add control points.",
+        F::NotConnected { .. } => "Link three points with a connected camera, or add control points.",
         F::UndeterminedPosition { .. } => {
             "Link another point, far from the others, or fix the placement of the camera."
         }

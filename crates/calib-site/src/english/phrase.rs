@@ -275,6 +275,20 @@ impl SentenceContext<'_> {
         format!("{element} contradicts the others and was rejected{far}.")
     }
 
+    pub(super) fn unchecked_links(&self, elements: &[Subject], cameras: &[usize]) -> String {
+        /// Largest number of elements that are listed.
+        const MAX_LISTED: usize = 4;
+        let mut names: Vec<String> = elements.iter().take(MAX_LISTED).map(|&one| self.shared(one)).collect();
+        if elements.len() > MAX_LISTED {
+            names.push(format!("{} more", elements.len() - MAX_LISTED));
+        }
+        format!(
+            "There is no redundant link with {}, so a wrong click cannot be detected in {}.",
+            self.ids(cameras),
+            enumerated(&names),
+        )
+    }
+
     pub(super) fn distance_outlier(&self, distance: usize, [entered, found]: [f64; 2]) -> String {
         format!(
             "The {} was rejected: it is {entered:.2} m as entered, but {found:.2} m according to the other measurements.{}",

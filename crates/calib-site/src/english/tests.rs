@@ -71,6 +71,7 @@ fn number(finding: &Finding) -> usize {
         F::OffCentre { .. } => 47,
         F::NoStandardDeviations => 48,
         F::PixelsNotSquare { .. } => 49,
+        F::UncheckedLinks { .. } => 50,
     }
 }
 
@@ -114,6 +115,7 @@ fn camera_findings() -> Vec<(Finding, Subject)> {
         (F::HiddenControlPoints { points: vec![0] }, Subject::OwnControlPoint(0)),
         (F::ExchangedControlPoints { points: [0, 0] }, Subject::OwnControlPoint(0)),
         (F::UncheckedPoints { dof: 0 }, Subject::Placement),
+        (F::UncheckedLinks { elements: vec![Subject::Link(0)], cameras: vec![0] }, Subject::Link(0)),
         (F::WrongPrincipalPoint { entered: PIXEL, estimated: PIXEL, is_exchanged: true }, Subject::Lens),
         (F::OffCentre { estimated: PIXEL, distance: 0.2 }, Subject::Lens),
         (F::PixelsNotSquare { size: [960, 1080], aspect: 2.0 }, Subject::Lens),
