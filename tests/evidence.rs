@@ -105,3 +105,34 @@ fn a_length_in_feet_is_recognised_by_its_ratio() {
     let other = message(5.0);
     assert!(other.contains("5.00 m as entered") && !other.contains("3.28"), "{other}");
 }
+
+#[test]
+fn a_site_in_feet_shows_feet_and_stores_metres() {
+    let view = camera(0.5);
+    let line = |a: [f64; 3], b: [f64; 3]| pixels(&view, &[a, b]);
+    let along = [-1.5, 0.0, 1.5].map(|x| line([x, 4.5, 0.0], [x, 11.0, 0.0])).to_vec();
+    let across = [6.0, 9.0].map(|y| line([-2.0, y, 0.0], [2.0, y, 0.0])).to_vec();
+    let verticals =
+        [[-2.5, 8.0], [2.5, 8.0], [0.2, 9.0]].map(|[x, y]| line([x, y, 0.0], [x, y, 2.5])).to_vec();
+    let scratch = Scratch::new();
+    let text = site(json!([
+        {"kind": "vertical", "segments": verticals},
+        {"kind": "parallel", "id": "along", "segments": along},
+        {"kind": "parallel", "segments": across, "at_right_angles_to": "along"},
+        {"kind": "known_length", "length_m": 6.5, "segments": [line([0.5, 4.5, 0.0], [0.5, 11.0, 0.0])]}
+    ]));
+    let mut in_feet: Value = serde_json::from_str(&text).unwrap();
+    in_feet["units"] = json!("feet");
+    scratch.write("metres.json", &text);
+    scratch.write("feet.json", in_feet.to_string());
+    let shown = |file: &str| scratch.calib(&["solve", file]).expect_code(0).stdout;
+    let [metres, feet] = [shown("metres.json"), shown("feet.json")];
+    assert!(metres.contains("height m") && feet.contains("height ft"), "{metres}{feet}");
+    assert!(metres.contains(" 4.0") && feet.contains(" 13.1"), "4 m are 13.1 ft: {metres}{feet}");
+    let json = |file: &str| scratch.calib(&["solve", file, "--format", "json"]).expect_code(0).stdout;
+    assert_eq!(json("metres.json"), json("feet.json"), "files are in metres");
+    in_feet["units"] = json!("yards");
+    scratch.write("yards.json", in_feet.to_string());
+    let refused = scratch.calib(&["solve", "yards.json"]).expect_code(3);
+    assert!(refused.stderr.contains("/units"), "{}", refused.stderr);
+}

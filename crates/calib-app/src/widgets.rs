@@ -44,6 +44,7 @@ pub fn length_field(units: Units, metres: &mut f64, low: f64) -> DragValue<'_> {
     /// Largest length, in the units of the site.
     const MAX_LENGTH: f64 = 1e5;
     let unit = units.metres();
+    let parse = move |text: &str| Some(units.parse_length(text)? / unit);
     let exchange = move |typed: Option<f64>| {
         if let Some(typed) = typed {
             *metres = typed * unit;
@@ -54,6 +55,7 @@ pub fn length_field(units: Units, metres: &mut f64, low: f64) -> DragValue<'_> {
         .speed(0.01)
         .range(low / unit..=MAX_LENGTH)
         .suffix(format!(" {}", units.symbol()))
+        .custom_parser(parse)
         .max_decimals(3)
         .update_while_editing(false)
 }

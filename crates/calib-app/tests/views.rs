@@ -38,7 +38,7 @@ fn lengths_are_shown_in_metres_or_feet_and_stored_in_metres() {
     };
     assert!(shown(&mut desk).contains(" m"));
     desk.tell(Command::Feet);
-    assert_eq!(desk.app().editor.session().tool.units, Units::Feet);
+    assert_eq!(desk.app().editor.session().site.units, Units::Feet);
     let feet = shown(&mut desk);
     let metres = |line: &&str| {
         let mut words = line.split_whitespace().peekable();

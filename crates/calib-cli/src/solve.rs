@@ -265,11 +265,19 @@ fn text(site: &Site, reports: &[CameraReport]) -> String {
     let _ = writeln!(
         out,
         "{:width$}  {:8} {:>14} {:>14} {:>14} {:>18} {:>9} {:>7} {:>6}",
-        "camera", "stage", "roll deg", "pitch deg", "yaw deg", "focal px", "height m", "floor", "rms px",
+        "camera",
+        "stage",
+        "roll deg",
+        "pitch deg",
+        "yaw deg",
+        "focal px",
+        format!("height {}", site.units.symbol()),
+        "floor",
+        "rms px",
     );
     for CameraReport { camera, .. } in reports {
         match (&camera.solution, &camera.error) {
-            (Some(solution), _) => write_row(&mut out, width, camera, solution, site.scale_is_known(camera)),
+            (Some(solution), _) => write_row(&mut out, width, site, (camera, solution)),
             (None, Some(failure)) => write_unsolved(&mut out, width, camera, failure),
             (None, None) => {}
         }
@@ -312,7 +320,7 @@ pub(crate) fn stage_name(stage: Stage) -> &'static str {
     }
 }
 
-fn write_row(out: &mut String, width: usize, camera: &SiteCamera, solution: &Solution, scale_is_known: bool) {
+fn write_row(out: &mut String, width: usize, site: &Site, (camera, solution): (&SiteCamera, &Solution)) {
     let sigma = solution.sigma.as_ref();
     let number = |value: Option<f64>, sigma: Option<f64>, digits: usize| match (value, sigma) {
         (Some(value), Some(sigma)) => format!("{value:.digits$} \u{b1} {sigma:.digits$}"),
@@ -321,7 +329,7 @@ fn write_row(out: &mut String, width: usize, camera: &SiteCamera, solution: &Sol
     };
     let stage = stage_name(solution.stage);
     let placed = solution.stage >= Stage::Placed;
-    let assumed = if scale_is_known { "" } else { ASSUMED_MARK };
+    let assumed = if site.scale_is_known(camera) { "" } else { ASSUMED_MARK };
     // Roll and yaw are one rotation for a camera that looks straight down.
     let is_down = straight_down_text(solution).is_some();
     let own_turn = |angle: Option<f64>| angle.filter(|_| !is_down);
@@ -337,7 +345,9 @@ fn write_row(out: &mut String, width: usize, camera: &SiteCamera, solution: &Sol
             "-".into()
         },
         number(Some(solution.focal_px), sigma.and_then(|s| s.focal_px), 1),
-        solution.position_m.map_or_else(|| "-".into(), |p| format!("{:.2}{assumed}", p.z)),
+        solution
+            .position_m
+            .map_or_else(|| "-".into(), |p| format!("{:.2}{assumed}", p.z / site.units.metres())),
         sigma
             .and_then(|s| s.floor_length_rel)
             .filter(|rel| *rel < 1.0)

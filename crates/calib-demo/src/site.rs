@@ -239,6 +239,7 @@ pub(crate) fn site(lens: KnownLens, tremor: f64) -> Site {
         format: Format::CalibSite,
         version: 1,
         name: Some("Farm shop and barn".into()),
+        units: calib_site::Units::Metres,
         plan: Some(plan_entry()),
         cameras: entries,
         distances: measured_distance(&links).into_iter().collect(),

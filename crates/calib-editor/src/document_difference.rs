@@ -11,6 +11,9 @@ pub fn differences(from: &Site, to: &Site) -> Vec<String> {
     let is_there = |camera: &&SiteCamera| to.cameras.iter().any(|other| other.is_same_period(camera));
     let removed = from.cameras.iter().filter(|camera| !is_there(camera));
     differences.extend(removed.map(|camera| format!("{}: removed", camera.id)));
+    if from.units != to.units {
+        differences.push(format!("lengths are shown in {}", to.units.name()));
+    }
     let counted = [
         (
             "links",

@@ -49,6 +49,7 @@ fn restore_rest(site: &mut Site, known: &Site) {
         format,
         version,
         name,
+        units,
         plan,
         links,
         marks,
@@ -63,6 +64,7 @@ fn restore_rest(site: &mut Site, known: &Site) {
     } = known;
     (site.format, site.version) = (*format, *version);
     restore_value(&mut site.name, name);
+    site.units = *units;
     restore_value(&mut site.plan, plan);
     restore_value(&mut site.links, links);
     restore_value(&mut site.marks, marks);
@@ -88,6 +90,7 @@ fn is_same_rest(a: &Site, b: &Site) -> bool {
     a.format == b.format
         && a.version == b.version
         && a.name == b.name
+        && a.units == b.units
         && a.plan == b.plan
         && a.links == b.links
         && a.marks == b.marks
@@ -108,6 +111,7 @@ fn without_cameras(site: &Site) -> Site {
         format: site.format,
         version: site.version,
         name: site.name.clone(),
+        units: site.units,
         plan: site.plan.clone(),
         links: site.links.clone(),
         marks: site.marks.clone(),

@@ -4,7 +4,7 @@
 //!
 //! The files, in data-flow order:
 //!
-//! - `units`, `keys`: formatting of lengths, and keyboard shortcuts.
+//! - `keys`: keyboard shortcuts.
 //! - `images`: images of the cameras, files to open, image files of the site.
 //! - `document_difference`, `period`: differences between two sites, and calibration periods of a camera.
 //! - `hit`: parts of an image near the pointer.
@@ -22,7 +22,6 @@
 //! access files, threads or windows. The caller passes bytes in and reports the outcome of file operations.
 
 // A module uses only the modules above it; `tests/layout.rs` checks this.
-mod units;
 mod keys;
 pub mod images;
 mod document_difference;
@@ -60,6 +59,7 @@ pub use agreement::{
     pair_rms_distance,
 };
 pub use calib_image::{Edge, edges};
+pub use calib_site::{Units, number};
 pub use command::Command;
 pub use document_difference::differences;
 pub use editor::{Editor, ReplacedImage};
@@ -83,5 +83,4 @@ pub use steps::site_subject;
 pub use tools::{
     Icon, Pane, Phase, PlanHandle, Pointer, TOOLS, Tool, ToolRow, is_inside, plan_handles, plan_scale,
 };
-pub use units::{Units, number};
 pub use verdict::{CameraStatus, StatusLevel, camera_status, summary};

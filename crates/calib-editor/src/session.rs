@@ -18,7 +18,6 @@ use crate::proposed;
 use crate::proposed::PendingCalibration;
 use crate::refine::rounded;
 use crate::solved::{Solved, keep_polygon};
-use crate::units::Units;
 
 /// Default of the largest duration of a joint solve that runs after every gesture, in milliseconds.
 const MAX_LIVE_JOINT_SOLVE_MS: f64 = 80.0;
@@ -37,8 +36,6 @@ pub struct ToolSettings {
     /// Floor point about which the corners of a polygon rotate, in metres; `None` for the centre of the
     /// polygon.
     pub pivot: Option<[f64; 2]>,
-    /// Display unit of lengths.
-    pub units: Units,
     /// Whether dragging on the plan snaps to round numbers.
     pub snap: bool,
 }
@@ -135,7 +132,6 @@ impl Session {
                 fresh_group: false,
                 measured: None,
                 pivot: None,
-                units: Units::default(),
                 snap: false,
             },
             pending: PendingLines { dismissed: Vec::new(), proposed: Arc::default(), picked_line: None },

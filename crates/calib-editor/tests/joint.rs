@@ -185,3 +185,16 @@ fn placement_of_a_joint_solve_is_no_evidence_of_the_height() {
     assert!((after - expected).abs() < 1e-6, "{after} m and {expected} m");
     assert!((expected - 5.0).abs() < 0.5, "the entered height applies: {expected} m");
 }
+
+#[test]
+fn unit_of_lengths_is_stored_and_undoable_and_changes_no_result() {
+    let mut editor = together();
+    let before = editor.session().solved.pose(1).copied();
+    editor.apply(Action::ToggleUnits);
+    assert_eq!(editor.site().units, calib_site::Units::Feet);
+    assert!(editor.site().to_json().contains("\"units\": \"feet\""));
+    assert!(editor.session().solved.is_joint_current());
+    assert_eq!(editor.session().solved.pose(1).copied(), before);
+    editor.apply(Action::Gesture(Gesture::Undo));
+    assert_eq!(editor.site().units, calib_site::Units::Metres);
+}

@@ -8,7 +8,7 @@ use calib_draw::{
     Geometry, ImageLayer, ImageView, Item, KindLook, Look, Meaning, PlacedShape, Rgb, Sign, Signs, diagonal,
     on_image, place_sign,
 };
-use calib_site::{Site, SiteCamera};
+use calib_site::{Site, SiteCamera, Units};
 
 use crate::labels::{LabelOffset, Labels, label_position};
 use crate::style;
@@ -29,7 +29,8 @@ pub fn overlay(site: &Site, entry: &SiteCamera, lens_grid: bool) -> Svg {
     }
     let title = entry.name.as_deref().unwrap_or(&entry.id);
     let margin = 10.0 * svg.scale;
-    let caption = Tag { at: [margin, margin], text: format!("{title}{}", summary(entry)), colour };
+    let caption =
+        Tag { at: [margin, margin], text: format!("{title}{}", summary(entry, site.units)), colour };
     let mut tags = legend(&svg, entry, colour, lens_grid, &items);
     tags.push(caption);
     draw_labels(&mut svg, &items, &tags);
@@ -182,7 +183,7 @@ fn label_offsets(meaning: Meaning) -> Vec<LabelOffset> {
 }
 
 /// Describes the pose of a camera and its accuracy in one line.
-fn summary(entry: &SiteCamera) -> String {
+fn summary(entry: &SiteCamera, units: Units) -> String {
     let Some(solution) = &entry.solution else {
         return entry
             .error
@@ -199,7 +200,7 @@ fn summary(entry: &SiteCamera) -> String {
     let is_assumed = solution.has_warning(Code::ScaleAssumed);
     let [assumed, scale_open] = if is_assumed { ["assumed ", " (scale assumed)"] } else { [""; 2] };
     if let Some(position) = solution.position_m {
-        text.push_str(&format!(" \u{b7} {assumed}height {:.2} m", position.z));
+        text.push_str(&format!(" \u{b7} {assumed}height {}", units.length(position.z, 2)));
     }
     if let Some(rel) = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel) {
         text.push_str(&format!(" \u{b7} floor \u{b1} {:.1} %{scale_open}", 100.0 * rel));

@@ -4,7 +4,7 @@ use calib_core::{FloorPoint, PlanPixel, PlanScale};
 use calib_draw::{
     Geometry, Item, Look, Meaning, PlanLayer, PlanView, Rgb, cone_corners, metres, on_plan as items_on_plan,
 };
-use calib_site::{Site, SiteCamera, SiteCoverage};
+use calib_site::{Site, SiteCamera, SiteCoverage, Units};
 
 use crate::coverage_layer;
 use crate::overlay::grid_step;
@@ -98,7 +98,7 @@ fn draw(
     }
     figures.iter().for_each(|figure| figure.draw(&mut svg));
     draw_north(&mut svg, site, &scale, size);
-    draw_scale_bar(&mut svg, &scale, size);
+    draw_scale_bar(&mut svg, &scale, size, site.units);
     legend.draw(&mut svg, size);
     (ground, svg)
 }
@@ -213,7 +213,7 @@ impl Figure {
         let ([x, y], ahead) = (on_plan(foot), on_plan(ahead));
         let length = svg.scale * if is_close { (0.4 * room).clamp(9.0, 34.0) } else { 34.0 };
         let cone = cone_corners([x, y], ahead, half_angle, length);
-        let text = Self::name(entry, is_close);
+        let text = Self::name(entry, is_close, site.units);
         let size = style::TEXT * svg.scale;
         let width = svg.text_width(&text) + size;
         let shift = if ahead[1] > y { -2.4 * size } else { 0.8 * size };
@@ -222,10 +222,13 @@ impl Figure {
         Some(Self { index, foot: [x, y], cone, corner, text })
     }
 
-    fn name(entry: &SiteCamera, is_close: bool) -> String {
+    fn name(entry: &SiteCamera, is_close: bool, units: Units) -> String {
         let height = entry.solution.as_ref().and_then(|solution| solution.position_m).map(|at| at.z);
         match height.filter(|_| !is_close) {
-            Some(height) => format!("{}  {height:.2} m", entry.name.as_deref().unwrap_or(&entry.id)),
+            Some(height) => {
+                let name = entry.name.as_deref().unwrap_or(&entry.id);
+                format!("{name}  {}", units.length(height, 2))
+            }
             None => entry.id.clone(),
         }
     }
@@ -309,10 +312,12 @@ fn draw_north(svg: &mut Svg, site: &Site, scale: &PlanScale, [w, _]: [f64; 2]) {
     svg.ink([x, y + 0.35 * style::TEXT * svg.scale], name, Rgb::INK, Anchor::Middle);
 }
 
-/// Draws a bar of a round length with its length in metres.
-fn draw_scale_bar(svg: &mut Svg, scale: &PlanScale, [w, h]: [f64; 2]) {
+/// Draws a bar of a round length with its length.
+fn draw_scale_bar(svg: &mut Svg, scale: &PlanScale, [w, h]: [f64; 2], units: Units) {
     let round = [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0];
-    let length = round.into_iter().rfind(|metres| metres / scale.metres_per_px < 0.22 * w).unwrap_or(0.5);
+    let round = round.map(|length| length * units.metres());
+    let length =
+        round.into_iter().rfind(|metres| metres / scale.metres_per_px < 0.22 * w).unwrap_or(round[0]);
     let (x, y, tick) = (24.0 * svg.scale, h - 24.0 * svg.scale, 6.0 * svg.scale);
     let end = x + length / scale.metres_per_px;
     let bar = [[x, y - tick], [x, y], [end, y], [end, y - tick]];
@@ -320,7 +325,7 @@ fn draw_scale_bar(svg: &mut Svg, scale: &PlanScale, [w, h]: [f64; 2]) {
     svg.line(&bar, false, Stroke { outlined: false, ..Stroke::new(Rgb::INK, 2.0) });
     svg.ink(
         [0.5 * (x + end), y - 8.0 * svg.scale],
-        &format!("{} m", metres(length)),
+        &format!("{} {}", metres(length / units.metres()), units.symbol()),
         Rgb::INK,
         Anchor::Middle,
     );

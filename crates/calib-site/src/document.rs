@@ -18,6 +18,7 @@ use crate::scene::SceneEntry;
 use crate::site_solution::{ElementSolution, SiteSolution};
 use crate::solution::{DistortionEntry, FailureEntry, Solution, document};
 use crate::survey_entries::{Area, Measurement, WallEntry};
+use crate::units::Units;
 
 /// Size of a plan pixel that a file does not state: not a number. The check of the site refuses it.
 const fn not_stated() -> f64 {
@@ -207,6 +208,9 @@ document! {
         /// Display name of the site.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         name: Option<String>,
+        /// Unit in which programs show lengths and accept typed lengths. Lengths in files are in metres.
+        #[serde(default, skip_serializing_if = "Units::is_metres")]
+        units: Units,
         /// Floor plan of the site.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         plan: Option<Plan>,
@@ -487,6 +491,7 @@ impl Site {
             format: Format::CalibSite,
             version: 1,
             name: None,
+            units: Units::Metres,
             plan: None,
             cameras: Vec::new(),
             links: Vec::new(),

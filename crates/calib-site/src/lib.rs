@@ -82,6 +82,7 @@
 mod site_error;
 mod bounds;
 mod pixel_aspect;
+mod units;
 mod solution;
 mod site_solution;
 mod scene;
@@ -148,4 +149,5 @@ pub use solution::{
     SuggestionEntry, Warning,
 };
 pub use survey_entries::{Area, Measurement, MeasurementKind, MeasurementPoint, WallEntry};
+pub use units::{Units, number};
 pub use view::{CameraViewError, FindingEntry};

@@ -90,7 +90,7 @@ pub(crate) fn annotations_ui(app: &mut App, ui: &mut Ui) {
         let headings = std::iter::once(plain).chain(named.into_iter().map(|index| vec![index]));
         for indices in headings.filter(|indices| !indices.is_empty()) {
             let count = indices.iter().map(|&i| annotations[i].polylines().count()).sum();
-            let (first, units) = (indices[0], app.editor.session().tool.units);
+            let (first, units) = (indices[0], app.editor.session().site.units);
             let guess = |line: &[Pixel]| planes::estimated_line_length(app.editor.session(), line);
             group(ui, units, &annotations[first], first, (letter, count), guess, &mut requests);
             letter = char::from_u32(letter as u32 + 1).filter(char::is_ascii_lowercase).unwrap_or('z');

@@ -58,7 +58,7 @@ fn mark_row(app: &mut App, ui: &mut Ui, index: usize) {
     let selected = app.editor.session().selection.contains(&part);
     let name = app.editor.session().part_name(part);
     let WorldPoint { x, y, .. } = mark.at_m;
-    let units = app.editor.session().tool.units;
+    let units = app.editor.session().site.units;
     let mut on = !mark.off;
     ui.horizontal(|ui| {
         ui.checkbox(&mut on, "").on_hover_text(format!("Use {name}"));
@@ -88,7 +88,7 @@ fn mark_row(app: &mut App, ui: &mut Ui, index: usize) {
 /// Shows the fields for size, rotation and height of the selected mark.
 fn mark_fields(app: &mut App, ui: &mut Ui, index: usize, mut mark: Mark) {
     let palette = theme::palette(ui.ctx());
-    let units = app.editor.session().tool.units;
+    let units = app.editor.session().site.units;
     let mut changed = false;
     let mut field = |ui: &mut Ui, title: &str, edit: DragValue<'_>| {
         let label = ui.label(RichText::new(title).small().color(palette.text2));
@@ -281,7 +281,7 @@ fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
             let mut height = link.height_m.unwrap_or(0.0);
             let label = ui.label("above the floor");
             if ui
-                .add(length_field(app.editor.session().tool.units, &mut height, -1e5))
+                .add(length_field(app.editor.session().site.units, &mut height, -1e5))
                 .labelled_by(label.id)
                 .changed()
             {
@@ -317,11 +317,11 @@ fn post_fields(app: &App, ui: &mut Ui, link: &Link, new: &mut Link) {
     let label = ui.label("long");
     let Some(known) = &mut new.length_m else {
         let estimate = planes::estimated_post_height(session, link);
-        let metres = empty_field(ui, ("post", &link.id), label.id, session.tool.units, estimate);
+        let metres = empty_field(ui, ("post", &link.id), label.id, session.site.units, estimate);
         new.length_m = metres.map(|metres| Known::prior(metres, TAPE));
         return;
     };
-    known_fields(ui, label.id, session.tool.units, known);
+    known_fields(ui, label.id, session.site.units, known);
     if ui.button("Not measured").clicked() {
         new.length_m = None;
     }
@@ -330,7 +330,7 @@ fn post_fields(app: &App, ui: &mut Ui, link: &Link, new: &mut Link) {
 /// Returns the disagreement of two views on the floor as text, with the distance that their uncertainty
 /// explains.
 fn distance_text(app: &App, apart: LinkDistance) -> String {
-    let units = app.editor.session().tool.units;
+    let units = app.editor.session().site.units;
     apart.sigma.map_or_else(
         || units.short_length(apart.metres),
         |sigma| units.short_length_and_sigma(apart.metres, sigma),

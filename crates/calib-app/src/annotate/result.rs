@@ -213,7 +213,7 @@ fn down_cells(ui: &mut Ui, title: &str, angle: f64, sigma: Option<f64>) {
 fn number_row(app: &mut App, ui: &mut Ui, solution: &Solution, which: Number) {
     let Some((value, sigma)) = which.value_and_sigma(solution) else { return };
     let known = which.known(app);
-    let unit = which.unit(app.editor.session().tool.units);
+    let unit = which.unit(app.editor.session().site.units);
     let [to, from] = [1.0 / unit.1, unit.1];
     let shown = (to * value, sigma.map(|sigma| to * sigma));
     let is_assumed = solution.has_warning(Code::ScaleAssumed);

@@ -179,7 +179,7 @@ impl Overlay<'_> {
         }
         let entry = self.entry().and_then(|entry| entry.annotations.get(drawn.annotation));
         if let Some(annotation) = entry.filter(|_| drawn.kind.row().has_length) {
-            let text = self.session.tool.units.length(annotation.length_m.unwrap_or(1.0), 2);
+            let text = self.session.site.units.length(annotation.length_m.unwrap_or(1.0), 2);
             tag(painter, a + 0.5 * (b - a), Align2::CENTER_CENTER, &text, colour);
         }
     }

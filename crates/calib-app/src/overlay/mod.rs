@@ -166,7 +166,7 @@ impl Overlay<'_> {
     /// Returns the layers below the annotations.
     fn floor_layers(&self, solution: Option<&Solution>) -> Vec<ImageLayer> {
         let polygon = solution.map_or(&[][..], |solution| &solution.efov_m);
-        let grid = ImageLayer::Grid(grid_step(polygon, self.session.tool.units));
+        let grid = ImageLayer::Grid(grid_step(polygon, self.session.site.units));
         let prism = (self.layers.prism && !self.drawing).then_some(ImageLayer::AnnotatedPrism);
         (self.layers.grid && !self.drawing).then_some(grid).into_iter().chain(prism).collect()
     }
@@ -300,7 +300,7 @@ impl Overlay<'_> {
         let Some((items, head)) = guide(camera, foot, PERSON_HEIGHT_M) else { return };
         self.paint_items(painter, &items);
         if let Some(head) = head.filter(|_| self.labels) {
-            let text = format!("person {}", self.session.tool.units.length(PERSON_HEIGHT_M, 2));
+            let text = format!("person {}", self.session.site.units.length(PERSON_HEIGHT_M, 2));
             let at = self.at(head) - Vec2::new(0.0, 6.0);
             tag(painter, at, Align2::CENTER_BOTTOM, &text, on_image::WHITE);
         }

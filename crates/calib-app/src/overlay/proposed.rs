@@ -68,7 +68,7 @@ impl Overlay<'_> {
         if self.layers.grid {
             let supposed =
                 Supposed { shown: Shown(self.session), camera: self.camera, preview: ghosts.preview };
-            let step = grid_step(&solution.efov_m, self.session.tool.units);
+            let step = grid_step(&solution.efov_m, self.session.site.units);
             let view = ImageView::new(&supposed, self.camera);
             self.paint_items(painter, &items_on_image(&view, &[ImageLayer::Grid(step)]));
         }

@@ -63,7 +63,7 @@ fn row(app: &App, ui: &mut Ui, found: &Agreement) {
     let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 20.0), Sense::hover());
     let id = &session.site.cameras[found.other].id;
     let overlap = format!("{:.0} %", 100.0 * found.overlap);
-    let units = session.tool.units;
+    let units = session.site.units;
     let now = found.distance.map_or_else(|| "no link".into(), |apart| units.short_length(apart.metres));
     // A camera that was not moved has no earlier value.
     let was = found.distance_before_m.map(|before| units.short_length(before)).filter(|was| *was != now);
@@ -116,7 +116,7 @@ fn disagreement_ui(app: &mut App, ui: &mut Ui, worst: &Agreement) {
     let session = app.editor.session();
     let id = session.site.cameras[worst.other].id.clone();
     let apart =
-        worst.distance.map_or_else(String::new, |apart| session.tool.units.short_length(apart.metres));
+        worst.distance.map_or_else(String::new, |apart| session.site.units.short_length(apart.metres));
     let (mut shows, mut links) = (false, false);
     ui.add_space(4.0);
     egui::Frame::NONE.fill(palette.warn_bg).corner_radius(4).inner_margin(8).show(ui, |ui| {

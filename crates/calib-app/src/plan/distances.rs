@@ -24,7 +24,7 @@ pub(crate) fn compared(app: &mut App, ui: &mut Ui) {
         let text = match (old, app.editor.session().solved.pose(index)) {
             (Some(old), Some(new)) => {
                 let turned = yaw_difference_deg(&old, new);
-                let moved = app.editor.session().tool.units.short_length(old.position.distance(new.position));
+                let moved = app.editor.session().site.units.short_length(old.position.distance(new.position));
                 format!("{moved}, {turned:.2}\u{b0}")
             }
             (None, _) => "missing there, or not solved".into(),
@@ -50,7 +50,7 @@ fn yaw_difference_deg(a: &calib_core::Camera, b: &calib_core::Camera) -> f64 {
 fn pairs_ui(app: &App, ui: &mut Ui) {
     let session = app.editor.session();
     let Some(report) = session.solved.joint_report() else { return };
-    let units = session.tool.units;
+    let units = session.site.units;
     let index = |id: &String| session.site.cameras.iter().position(|camera| camera.id == *id);
     egui::Grid::new("pairs").num_columns(3).show(ui, |ui| {
         for overlap in &report.site.overlaps {
@@ -97,7 +97,7 @@ pub(crate) fn agreement(app: &mut App, ui: &mut Ui) {
             let turned = yaw_difference_deg(old, new);
             ui.horizontal(|ui| {
                 ui.label(&camera.id);
-                let moved = app.editor.session().tool.units.short_length(moved);
+                let moved = app.editor.session().site.units.short_length(moved);
                 let text = format!("moved {moved}, rotated {turned:.2}\u{b0}");
                 ui.label(RichText::new(text).color(palette.text2));
             });
@@ -150,7 +150,7 @@ pub(crate) fn controls(app: &mut App, ui: &mut Ui) {
                 for (title, value) in [("x", &mut world.x), ("y", &mut world.y), ("z", &mut world.z)] {
                     let label = ui.label(RichText::new(title).color(palette.text2));
                     changed |= ui
-                        .add(length_field(app.editor.session().tool.units, value, -1e5))
+                        .add(length_field(app.editor.session().site.units, value, -1e5))
                         .labelled_by(label.id)
                         .changed();
                 }
@@ -193,7 +193,7 @@ fn list_fields(app: &App, ui: &mut Ui, list: &mut Vec<Distance>) {
     for (index, distance) in list.iter_mut().enumerate() {
         ui.horizontal(|ui| {
             let label = ui.label(format!("{} to {}", distance.between[0], distance.between[1]));
-            known_fields(ui, label.id, app.editor.session().tool.units, &mut distance.length_m);
+            known_fields(ui, label.id, app.editor.session().site.units, &mut distance.length_m);
             let look = Look { size: Vec2::splat(18.0), ..Look::default() };
             if icons::button(ui, Icon::Close, &format!("Remove distance {}", index + 1), "", look).clicked() {
                 removed = Some(index);
@@ -222,7 +222,7 @@ fn new_distance(app: &mut App, ui: &mut Ui, ids: &[String]) -> Option<Distance> 
     let session = app.editor.session();
     let estimate = planes::estimated_distance(session, &app.pair);
     let label = ui.label(RichText::new("measured").color(theme::palette(ui.ctx()).text2));
-    let metres = empty_field(ui, ("distance", &app.pair), label.id, session.tool.units, estimate)?;
+    let metres = empty_field(ui, ("distance", &app.pair), label.id, session.site.units, estimate)?;
     let between = app.pair.clone();
     let length_m = Known::prior(metres, TAPE);
     Some(Distance { id: None, name: None, off: false, keep: false, between, length_m })

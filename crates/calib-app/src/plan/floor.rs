@@ -65,7 +65,7 @@ impl Floor<'_> {
     /// Paints the floor grid over the plan image.
     pub fn paint_grid(&self, painter: &Painter, colour: Color32) {
         // Lines are at least 24 points apart.
-        let step = self.session.tool.units.step(1.0 / self.mapping.view.zoom, 1.0 / 24.0);
+        let step = self.session.site.units.step(1.0 / self.mapping.view.zoom, 1.0 / 24.0);
         paint_grid(painter, &self.mapping, step, colour);
     }
 
@@ -158,7 +158,7 @@ impl Floor<'_> {
         chip(painter, at, index);
         let middle = self.mapping.document(rect.center());
         let far = (pose.position.x - middle[0]).hypot(pose.position.y - middle[1]);
-        let far = self.session.tool.units.length(far, 0);
+        let far = self.session.site.units.length(far, 0);
         let text = format!("{}, {far}", self.session.site.cameras[index].id);
         let align = if at.x > rect.center().x { Align2::RIGHT_CENTER } else { Align2::LEFT_CENTER };
         let side = if at.x > rect.center().x { -12.0 } else { 12.0 };
@@ -232,12 +232,12 @@ impl Floor<'_> {
             return;
         };
         let turn = |pose: &Camera| number(pose.yaw.to_degrees(), 1);
-        let height = |pose: &Camera| self.session.tool.units.length(pose.position.z, 2);
+        let height = |pose: &Camera| self.session.site.units.length(pose.position.z, 2);
         let moved = now.position.on_floor().distance(before.position.on_floor());
         let told = [
             (turn(now) != turn(before), format!("yaw {}\u{b0}, was {}\u{b0}", turn(now), turn(before))),
             (height(now) != height(before), format!("height {}, was {}", height(now), height(before))),
-            (moved > 0.005, format!("moved {}", self.session.tool.units.short_length(moved))),
+            (moved > 0.005, format!("moved {}", self.session.site.units.short_length(moved))),
         ];
         let told: Vec<String> =
             told.into_iter().filter(|(differs, _)| *differs).map(|(_, text)| text).collect();
@@ -319,7 +319,7 @@ impl Floor<'_> {
     /// Paints the scale bar, and the note about size and magnification of the ellipses.
     pub fn paint_scale(&self, painter: &Painter) {
         let rect = painter.clip_rect();
-        let units = self.session.tool.units;
+        let units = self.session.site.units;
         let metres = units.step(1.0 / self.mapping.view.zoom, 1.0 / 80.0);
         let (length, left) =
             ((metres * self.mapping.view.zoom) as f32, rect.left_bottom() + Vec2::new(16.0, -16.0));

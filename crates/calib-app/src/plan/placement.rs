@@ -68,7 +68,7 @@ fn numbers(app: &mut App, ui: &mut Ui, id: &str, mut placement: Placement, fixed
     let told = ShownYaw::from_solution(app.editor.session().solution(), placement.turn.to_degrees());
     let mut turn = told.degrees;
     let mut height = placement.scale * STAGE_1_HEIGHT;
-    let units = app.editor.session().tool.units;
+    let units = app.editor.session().site.units;
     let sigmas = app.editor.session().solution().and_then(|solution| solution.sigma.clone());
     let of = |value: fn(&Sigmas) -> Option<f64>, unit: f64| Some(value(sigmas.as_ref()?)? / unit);
     let degrees = DragValue::new(&mut turn).speed(0.1).range(-360.0..=360.0).suffix("\u{b0}").max_decimals(3);
@@ -205,7 +205,7 @@ pub fn handles(app: &App, ui: &mut Ui) {
 fn pose_rows(app: &App, ui: &mut Ui) {
     let Some(solution) = app.editor.session().solution() else { return };
     let (Some(at), sigma) = (solution.position_m, solution.sigma.as_ref()) else { return };
-    let units = app.editor.session().tool.units;
+    let units = app.editor.session().site.units;
     let turn = ShownYaw::from_solution(Some(solution), solution.yaw_deg.unwrap_or_default());
     let rows = [
         ("x", at.x, sigma.and_then(|s| s.x_m), units.metres(), units.symbol()),
@@ -264,7 +264,7 @@ fn scale_fields(app: &mut App, ui: &mut Ui) {
     let mut changed = drawing.and_then(|drawing| drawing_fields::fields(ui, drawing, &mut plan));
     ui.horizontal(|ui| {
         let label = ui.label(RichText::new("Scale").color(palette.text2));
-        let (unit, suffix) = match app.editor.session().tool.units {
+        let (unit, suffix) = match app.editor.session().site.units {
             Units::Metres => (1e-3, " mm a pixel"),
             Units::Feet => (0.0254, " in a pixel"),
         };
@@ -280,7 +280,7 @@ fn scale_fields(app: &mut App, ui: &mut Ui) {
         let mut metres = px * plan.metres_per_px;
         ui.horizontal(|ui| {
             let label = ui.label(format!("{px:.0} px are"));
-            let field = length_field(app.editor.session().tool.units, &mut metres, 1e-3);
+            let field = length_field(app.editor.session().site.units, &mut metres, 1e-3);
             if ui.add(field).labelled_by(label.id).changed() && px > 0.0 {
                 plan.metres_per_px = metres / px;
                 changed = Some("set the scale of the plan");

@@ -52,7 +52,7 @@ fn row(app: &mut App, ui: &mut Ui, index: usize) {
 
 /// Returns height and slope of a plane as text, as solved or as entered.
 fn summary(app: &App, plane: &PlaneEntry) -> String {
-    let (session, units) = (app.editor.session(), app.editor.session().tool.units);
+    let (session, units) = (app.editor.session(), app.editor.session().site.units);
     let now = session.solved.plane(&session.site, Some(&plane.id));
     let is_known = plane.height_m.is_some() || now != session.site.plane_or_floor(Some(&plane.id));
     let height = if is_known { units.length(now.height, 2) } else { "height unknown".into() };
@@ -66,7 +66,7 @@ fn summary(app: &App, plane: &PlaneEntry) -> String {
 /// Shows the fields for the parameters of the current plane; returns the requested change.
 fn fields(app: &mut App, ui: &mut Ui, index: usize, plane: &PlaneEntry) -> Option<PlaneAction> {
     let renamed = name_field(ui, index, &plane.id).map(|id| PlaneAction::Rename(index, id));
-    let (mut new, units) = (plane.clone(), app.editor.session().tool.units);
+    let (mut new, units) = (plane.clone(), app.editor.session().site.units);
     let mut changed = known_number(ui, units, Quantity::Height, &mut new.height_m).then_some("height");
     let mut falls = new.tilt.is_some();
     if ui

@@ -47,7 +47,7 @@ pub fn above_ui(app: &mut App, ui: &mut Ui) {
     match (app.editor.session().entry(), app.editor.session().pose()) {
         (Some(entry), Some(pose)) => {
             let picture = entry.image.as_ref().and_then(|name| app.pictures.ready(name));
-            let units = app.editor.session().tool.units;
+            let units = app.editor.session().site.units;
             let step = paint(&painter, rect, entry, pose, picture, units);
             let step = units.length(step, 0);
             words(format!("{step} grid. Ellipses: {SIGMAS}\u{3c3}, \u{d7}{ELLIPSE_MAGNIFICATION}"));

@@ -334,12 +334,12 @@ fn card(app: &App, ui: &mut Ui, family: &Family, which: usize) -> Option<f64> {
         whole.paint(&painter, &mapping, Color32::WHITE);
     }
     grid(app, &painter, &mapping, &family.shown[which]);
-    above::paint(&clip(right), right, entry, pose, picture, app.editor.session().tool.units);
+    above::paint(&clip(right), right, entry, pose, picture, app.editor.session().site.units);
     wanted
 }
 
 fn grid(app: &App, painter: &Painter, mapping: &Mapping, fit: &Fit) {
-    let step = grid_step(&fit.solution.efov_m, app.editor.session().tool.units);
+    let step = grid_step(&fit.solution.efov_m, app.editor.session().site.units);
     for points in floor_grid(&fit.solution.efov_m, step) {
         for piece in on_image(&fit.pose, &points) {
             let piece: Vec<egui::Pos2> =

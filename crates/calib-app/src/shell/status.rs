@@ -166,7 +166,7 @@ fn pointer_position(app: &App, ui: &mut Ui) {
                 ui.label(RichText::new(format!("plan px {:.0}, {:.0}", px.x, px.y)).color(palette.text3));
                 ui.add_space(12.0);
             }
-            ui.label(strong(app.editor.session().tool.units.point(at, 2)));
+            ui.label(strong(app.editor.session().site.units.point(at, 2)));
             ui.label(RichText::new("floor").color(palette.text2));
         }
     }
@@ -186,11 +186,11 @@ fn floor(app: &App, ui: &mut Ui, pose: &calib_core::Camera, at: Pixel) {
     let sigma = covariance.and_then(|covariance| covariance.worst_sigma());
     let shown = sigma.map_or(2, |sigma| decimals(sigma).min(3));
     if let Some(sigma) = sigma {
-        let sigma = app.editor.session().tool.units.number(sigma, shown);
+        let sigma = app.editor.session().site.units.number(sigma, shown);
         ui.label(RichText::new(format!("\u{b1} {sigma}")).color(palette.text2));
     }
     let strong = |text: String| RichText::new(text).font(theme::medium(12.0)).color(palette.text);
-    ui.label(strong(session.tool.units.point(point.on_floor().into(), shown)));
+    ui.label(strong(session.site.units.point(point.on_floor().into(), shown)));
     let plane = surface.and_then(|index| session.site.planes.get(index));
     ui.label(RichText::new(plane.map_or("floor", |plane| &plane.id)).color(palette.text2));
 }

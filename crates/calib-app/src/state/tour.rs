@@ -160,7 +160,7 @@ impl Tour {
         let turned = (pose.yaw - truth.yaw).sin().atan2((pose.yaw - truth.yaw).cos()).to_degrees();
         let scaled = pose.position.z / truth.position.z;
         if off > 1.5 {
-            return Some(format!("{} to go: drag the white dot.", session.tool.units.length(off, 1)));
+            return Some(format!("{} to go: drag the white dot.", session.site.units.length(off, 1)));
         }
         if turned.abs() > 8.0 {
             let side = if turned > 0.0 { "right" } else { "left" };

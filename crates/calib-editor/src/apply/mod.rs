@@ -78,7 +78,13 @@ impl Editor {
             Action::Compare(site) => self.compared_site = site.map(|site| *site),
             Action::TogglePause => self.pause(),
             Action::ToggleSnap => self.session.tool.snap = !self.session.tool.snap,
-            Action::ToggleUnits => self.session.tool.units = self.session.tool.units.other(),
+            Action::ToggleUnits => self.toggle_units(),
         }
+    }
+
+    /// Changes the unit of lengths as one undo step.
+    fn toggle_units(&mut self) {
+        self.session.site.units = self.session.site.units.other();
+        self.session.commit("change the unit of lengths");
     }
 }

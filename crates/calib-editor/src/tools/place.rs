@@ -201,10 +201,10 @@ impl PlaceDrag {
         let what = match self.handle {
             PlanHandle::Rotate => format!("rotation {:.1}\u{b0}", now.turn.to_degrees()),
             PlanHandle::Scale => {
-                let height = session.tool.units.length(STAGE_1_HEIGHT * now.scale, 2);
+                let height = session.site.units.length(STAGE_1_HEIGHT * now.scale, 2);
                 format!("scale {:.3}, height {height}", now.scale)
             }
-            _ => format!("at {}", session.tool.units.point(now.by.into(), 2)),
+            _ => format!("at {}", session.site.units.point(now.by.into(), 2)),
         };
         format!("Release to {} {name}: {what}.  Shift: fine, Esc: cancel", self.handle.verb())
     }

@@ -9,8 +9,7 @@ use crate::document::Site;
 use crate::english::phrase::suggestion_text;
 use crate::english::phrase::{
     Names, SentenceContext, corners, counted, curved, default_focal, efov, estimator, evidence,
-    few_residuals, field, floor, joint_misfit, other_minima, scale_assumed, scale_conflict, unchecked,
-    unchecked_points, undetermined_focal,
+    few_residuals, field, floor, joint_misfit, other_minima, unchecked, unchecked_points, undetermined_focal,
 };
 use crate::solution::{FailureEntry, Warning};
 
@@ -60,7 +59,7 @@ impl SentenceContext<'_> {
             F::NoStandardDeviations => NO_STANDARD_DEVIATIONS.into(),
             F::OutOfDate { subject: what, stored, now } => self.out_of_date(*what, *stored, *now),
             F::PointsOutside { .. } => self.points_outside(finding),
-            F::BelowFloor { height } => format!("The camera is {:.2} m below the floor.", -height),
+            F::BelowFloor { height } => format!("The camera is {} below the floor.", self.length(-height)),
             F::NoFloor => "No floor is visible in the field of view of the camera.".into(),
             F::LineOutlier { line, px, lengths } => self.line_outlier(*line, *px, *lengths),
             F::Misfit { chi2, dof, worst } => self.misfit(*chi2, *dof, *worst),
@@ -94,9 +93,9 @@ impl SentenceContext<'_> {
             }
             F::UncheckedPoints { dof } => unchecked_points(*dof).into(),
             F::ExchangedControlPoints { points } => self.exchanged_control_points(*points),
-            F::ScaleAssumed { height } => scale_assumed(*height),
+            F::ScaleAssumed { height } => self.scale_assumed(*height),
             F::PlacedByHand => PLACED_BY_HAND.into(),
-            F::ScaleConflict { estimated, placed } => scale_conflict(*estimated, *placed),
+            F::ScaleConflict { estimated, placed } => self.scale_conflict(*estimated, *placed),
             F::EfovAboveHorizon { is_whole } => efov(*is_whole).into(),
             F::WrongPrincipalPoint { .. } | F::OffCentre { .. } | F::PixelsNotSquare { .. } => lens(finding),
             F::DistortionNotInvertible => NOT_INVERTIBLE.into(),

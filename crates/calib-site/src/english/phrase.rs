@@ -8,6 +8,7 @@ use calib_core::outcome::{
 use calib_core::single::{Annotation, line_name};
 
 use crate::document::{Site, SiteCamera};
+use crate::units::Units;
 
 /// Formats a count with the singular or plural form: "1 line", "2 lines", "0 lines".
 #[must_use]
@@ -139,12 +140,47 @@ impl SentenceContext<'_> {
         }
     }
 
+    /// Formats a length, given in metres, in the unit of the site.
+    pub(super) fn length(&self, metres: f64) -> String {
+        self.site.units.length(metres, 2).replace('\u{2212}', "-")
+    }
+
+    pub(super) fn scale_assumed(&self, height: f64) -> String {
+        format!("The scale is unknown: a camera height of {} is assumed.", self.length(height))
+    }
+
+    /// Returns a sentence about feet if the ratio of two contradictory lengths is about 3.28 or its inverse.
+    fn feet(&self, ratio: f64) -> &'static str {
+        const FEET_PER_METRE: f64 = 1.0 / 0.3048;
+        /// Largest difference of the ratios.
+        const TOLERANCE: f64 = 0.06;
+        let is_near = |expected: f64| (ratio / expected - 1.0).abs() < TOLERANCE;
+        match self.site.units {
+            _ if !is_near(FEET_PER_METRE) && !is_near(1.0 / FEET_PER_METRE) => "",
+            Units::Metres => {
+                " The ratio is 3.28: one of them seems to be in feet. Enter all lengths in metres (1 ft is 0.3048 m)."
+            }
+            Units::Feet => " The ratio is 3.28: one of them seems to be in metres.",
+        }
+    }
+
+    pub(super) fn scale_conflict(&self, estimated: f64, placed: f64) -> String {
+        format!(
+            "The camera height is {} from the annotations and entered values, but {} from its placement.{}",
+            self.length(estimated),
+            self.length(placed),
+            self.feet(estimated / placed)
+        )
+    }
+
     pub(super) fn line_outlier(&self, line: Source, px: Option<f64>, lengths: Option<[f64; 2]>) -> String {
         let line = self.line_of(line);
         if let Some([entered, found]) = lengths {
             return format!(
-                "{line} was rejected: its length is {entered:.2} m as entered, but {found:.2} m according to the other lines and heights.{}",
-                feet(entered / found)
+                "{line} was rejected: its length is {} as entered, but {} according to the other lines and heights.{}",
+                self.length(entered),
+                self.length(found),
+                self.feet(entered / found)
             );
         }
         match px {
@@ -157,8 +193,10 @@ impl SentenceContext<'_> {
         let [(low, lowest), (high, highest)] =
             [lowest, highest].map(|(line, height)| (self.line_of(line), height));
         format!(
-            "Uprights contradict each other: the camera height is {lowest:.2} m from {low}, but {highest:.2} m from {high}.{}",
-            feet(highest / lowest)
+            "Uprights contradict each other: the camera height is {} from {low}, but {} from {high}.{}",
+            self.length(lowest),
+            self.length(highest),
+            self.feet(highest / lowest)
         )
     }
 
@@ -291,9 +329,11 @@ impl SentenceContext<'_> {
 
     pub(super) fn distance_outlier(&self, distance: usize, [entered, found]: [f64; 2]) -> String {
         format!(
-            "The {} was rejected: it is {entered:.2} m as entered, but {found:.2} m according to the other measurements.{}",
+            "The {} was rejected: it is {} as entered, but {} according to the other measurements.{}",
             self.distance(distance),
-            feet(entered / found)
+            self.length(entered),
+            self.length(found),
+            self.feet(entered / found)
         )
     }
 
@@ -471,31 +511,6 @@ pub(super) const fn field(parameter: Parameter) -> &'static str {
         Parameter::Roll => "lens.roll_deg",
         Parameter::Height => "height_m",
     }
-}
-
-pub(super) fn scale_assumed(height: f64) -> String {
-    format!("The scale is unknown: a camera height of {height:.2} m is assumed.")
-}
-
-/// Returns a sentence about feet if the ratio of two contradictory lengths is about 3.28 or its inverse.
-fn feet(ratio: f64) -> &'static str {
-    const FEET_PER_METRE: f64 = 1.0 / 0.3048;
-    /// Largest difference of the ratios.
-    const TOLERANCE: f64 = 0.06;
-    let is_near = |expected: f64| (ratio / expected - 1.0).abs() < TOLERANCE;
-    match () {
-        () if is_near(FEET_PER_METRE) || is_near(1.0 / FEET_PER_METRE) => {
-            " The ratio is 3.28: one of them seems to be in feet. Enter all lengths in metres (1 ft is 0.3048 m)."
-        }
-        () => "",
-    }
-}
-
-pub(super) fn scale_conflict(estimated: f64, placed: f64) -> String {
-    format!(
-        "The camera height is {estimated:.2} m from the annotations and entered values, but {placed:.2} m from its placement.{}",
-        feet(estimated / placed)
-    )
 }
 
 pub(super) const fn efov(is_whole: bool) -> &'static str {

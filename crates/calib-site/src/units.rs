@@ -1,6 +1,8 @@
-//! Display of lengths in metres or feet; the site stores metres.
+//! Display and input of lengths in metres or feet; the site stores metres.
 //!
 //! Also formatting of numbers.
+
+use serde::{Deserialize, Serialize};
 
 /// Formats a number with `digits` decimals and a typographic minus sign.
 #[must_use]
@@ -11,7 +13,9 @@ pub fn number(value: f64, digits: usize) -> String {
 }
 
 /// Display and input unit of lengths.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
 pub enum Units {
     /// Metres and centimetres.
     #[default]
@@ -26,6 +30,48 @@ const METRES_PER_FOOT: f64 = 0.3048;
 const METRES_PER_INCH: f64 = 0.0254;
 
 impl Units {
+    /// Whether lengths are shown in metres.
+    #[must_use]
+    pub fn is_metres(&self) -> bool {
+        *self == Self::Metres
+    }
+
+    /// Reads a length, in this unit unless the text names another one, and returns it in metres. `None` if the
+    /// text is not a length. Examples: `1.75`, `1,75 m`, `175 cm`, `5 ft 9 in`, `5' 9"`, `69 in`.
+    #[must_use]
+    pub fn parse_length(self, text: &str) -> Option<f64> {
+        let text = text.trim().to_lowercase().replace(['\u{2212}', '\u{2013}'], "-").replace(',', ".");
+        let (sign, text) = text.strip_prefix('-').map_or((1.0, text.as_str()), |rest| (-1.0, rest));
+        let mut sum = 0.0;
+        let mut rest = text.trim_start();
+        let mut smallest = f64::INFINITY;
+        while !rest.is_empty() {
+            let end = rest.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(rest.len());
+            let value: f64 = rest[..end].parse().ok()?;
+            rest = rest[end..].trim_start();
+            let end = rest.find(|c: char| c.is_ascii_digit() || c == '.').unwrap_or(rest.len());
+            let unit = match rest[..end].trim() {
+                // The inches of 5'9 need no unit.
+                "" if smallest == METRES_PER_FOOT => METRES_PER_INCH,
+                "" if smallest.is_infinite() && rest.is_empty() => self.metres(),
+                "m" | "metres" | "meters" => 1.0,
+                "cm" => 0.01,
+                "mm" => 0.001,
+                "ft" | "'" | "\u{2032}" | "feet" | "foot" => METRES_PER_FOOT,
+                "in" | "\"" | "\u{2033}" | "''" | "inches" | "inch" => METRES_PER_INCH,
+                _ => return None,
+            };
+            // Each part has a smaller unit than the part before.
+            if unit >= smallest {
+                return None;
+            }
+            smallest = unit;
+            sum += value * unit;
+            rest = rest[end..].trim_start();
+        }
+        (smallest < f64::INFINITY && sum.is_finite()).then_some(sign * sum)
+    }
+
     /// Returns the unit to which the switch of units changes.
     #[must_use]
     pub const fn other(self) -> Self {
@@ -41,6 +87,15 @@ impl Units {
         match self {
             Self::Metres => 1.0,
             Self::Feet => METRES_PER_FOOT,
+        }
+    }
+
+    /// Returns the name of the unit.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Metres => "metres",
+            Self::Feet => "feet",
         }
     }
 
@@ -116,6 +171,19 @@ mod tests {
         assert_eq!(Units::Metres.short_length(9.987), "9.99 m");
         assert_eq!(Units::Metres.short_length_and_sigma(0.053, 0.08), "5.3 \u{b1} 8.0 cm");
         assert_eq!(Units::Metres.short_length_and_sigma(0.3, 2.0), "0.3 \u{b1} 2.0 m");
+    }
+
+    #[test]
+    fn typed_lengths_have_units() {
+        let feet = |text: &str| Units::Feet.parse_length(text).map(|metres| (metres * 1e4).round() / 1e4);
+        for text in ["5 ft 9 in", "5' 9\"", "5'9", "5.75", "5,75 ft", "69 in", "1.7526 m", "175.26 cm"] {
+            assert_eq!(feet(text), Some(1.7526), "{text}");
+        }
+        assert_eq!(feet("-2 ft"), Some(-0.6096));
+        assert_eq!(Units::Metres.parse_length("1,75"), Some(1.75));
+        for text in ["", "ft", "5 yards", "1 2", "9 in 5 ft", "1..2", "1e3", "5' 9\" 3"] {
+            assert_eq!(feet(text), None, "{text}");
+        }
     }
 
     #[test]
