@@ -266,6 +266,56 @@ fn program_passes_a_correct_site_and_names_the_wrong_camera() {
     }
 }
 
+/// Writes the boxes of a walk with these columns; `numbers` converts x, y, w, h in pixels.
+fn table_of_boxes(site: &calib_site::Site, columns: &str, numbers: fn([f64; 4]) -> [f64; 4]) -> String {
+    let cameras: Vec<Sized> =
+        site.cameras.iter().map(|entry| (entry.camera().unwrap(), entry.size_px)).collect();
+    let mut rows = format!("camera,at_s,{columns}\n");
+    let is_full_hd = |one: &Sighting| site.cameras[one.camera].size_px == [1920, 1080];
+    for one in walked(&cameras, 1).into_iter().filter(is_full_hd) {
+        let id = &site.cameras[one.camera].id;
+        let [a, b, c, d] = numbers([one.foot.u - 20.0, one.foot.v - 100.0, 40.0, 100.0]);
+        writeln!(rows, "{id},{},{a},{b},{c},{d}", one.at as f64 / SECOND as f64).unwrap();
+    }
+    rows
+}
+
+#[test]
+fn walk_reads_boxes_of_every_form() {
+    let demo = demo_site();
+    let site = demo.site.calibrate(&Options::default()).write_into(&demo.site);
+    let scratch = Scratch::new();
+    scratch.write("site.json", site.to_json());
+    let result = |table: String, options: &[&str]| {
+        scratch.write("walk.csv", table);
+        let asked = ["walk", "site.json", "-i", "walk.csv", "--format", "json"];
+        let result = scratch.calib(&[&asked[..], options].concat()).json();
+        result["zones"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .filter_map(|zone| zone["error_m"].as_f64())
+            .collect::<Vec<_>>()
+    };
+    let expected = result(table_of_boxes(&site, "x,y,w,h", |numbers| numbers), &[]);
+    assert!(expected.len() > 10);
+    let is_same = |found: &[f64]| {
+        found.len() == expected.len() && found.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-6)
+    };
+    let corners = |[x, y, w, h]: [f64; 4]| [x, y, x + w, y + h];
+    let centre = |[x, y, w, h]: [f64; 4]| [x + 0.5 * w, y + 0.5 * h, w, h];
+    assert!(
+        is_same(&result(table_of_boxes(&site, "x1,y1,x2,y2", corners), &[])),
+        "by the names of the columns"
+    );
+    assert!(is_same(&result(table_of_boxes(&site, "x,y,w,h", corners), &["--box-form", "xyxy"])));
+    assert!(is_same(&result(table_of_boxes(&site, "x,y,w,h", centre), &["--box-form", "cxcywh"])));
+    let fractions =
+        |[x, y, w, h]: [f64; 4]| [(x + 0.5 * w) / 1920.0, (y + 0.5 * h) / 1080.0, w / 1920.0, h / 1080.0];
+    let options = ["--box-form", "yolo", "--stream-size", "1920x1080", "--stream-fit", "stretch"];
+    assert!(is_same(&result(table_of_boxes(&site, "x,y,w,h", fractions), &options)));
+}
+
 #[test]
 fn walk_options_need_a_walk() {
     let scratch = Scratch::new();

@@ -3,8 +3,8 @@
 use arrow_array::RecordBatch;
 use calib_health::Sighting;
 use calib_table::{
-    AtColumn, AtUnit, BadCells, BadRows, CalibrationRequest, Calibrations, CameraSource, Columns, Rows,
-    SightingColumns, Wording, usual_at_column, usual_camera_column,
+    AtColumn, AtUnit, BadCells, BadRows, Boxes, CalibrationRequest, Calibrations, CameraSource, Columns,
+    Rows, SightingColumns, TableBoxForm, Wording, usual_at_column, usual_camera_column,
 };
 use clap::builder::{PossibleValue, PossibleValuesParser};
 
@@ -19,7 +19,8 @@ use crate::stop::CommandError;
 /// Arguments for the table of detections.
 #[derive(Debug, clap::Args)]
 pub(crate) struct DetectionArgs {
-    /// Table of detections: boxes `x,y,w,h`, or feet `u,v`, each with a camera and a time; - is stdin
+    /// Table of detections: boxes (`x,y,w,h`, `x1,y1,x2,y2`), or feet `u,v`, each with a camera and a time; - is
+    /// stdin
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     pub(crate) input: String,
     #[command(flatten)]
@@ -52,6 +53,9 @@ pub(crate) struct TableArgs {
     /// Whether rows are feet or boxes
     #[arg(long, value_enum, default_value_t = Columns::Auto)]
     columns: Columns,
+    /// Meaning of the four numbers of a box; by default from the names of its columns
+    #[arg(long, value_enum, value_name = "FORM")]
+    box_form: Option<TableBoxForm>,
     /// Origin of pixel coordinates
     #[arg(long, value_enum, default_value_t = PixelOrigin::Corner)]
     pixel_origin: PixelOrigin,
@@ -104,7 +108,12 @@ impl TableArgs {
         let first = source.next().transpose()?;
         let calibrations = self.calibrations(file, first.as_ref(), &name)?;
         let bad = BadCells::new(self.bad_rows, Wording::Flags);
-        let columns = SightingColumns { columns: self.columns, person: self.person_column.clone(), bad };
+        let columns = SightingColumns {
+            columns: self.columns,
+            boxes: Boxes::new(self.box_form),
+            person: self.person_column.clone(),
+            bad,
+        };
         Ok(Detections { name, source, first, calibrations, columns, progress })
     }
 
@@ -178,6 +187,9 @@ impl Detections {
                 other => other,
             })?;
             each(&sightings, rows)?;
+        }
+        for note in self.columns.boxes.notes() {
+            print_message(format_args!("calib: {note}"));
         }
         for note in self.columns.bad.notes().into_iter().chain(self.calibrations.uncalibrated_notes()) {
             print_message(format_args!("calib: {note}"));

@@ -309,7 +309,7 @@ impl Mapping {
 }
 
 /// Columns of boxes, for messages.
-const BOXES: &str = "x,y,w,h or x1,y1,x2,y2";
+pub(crate) const BOXES: &str = "x,y,w,h or x1,y1,x2,y2";
 
 /// Input points, column by column: u, v in pixels of the stream, or x, y, z in metres; NaN for missing
 /// values.

@@ -6,10 +6,11 @@ use calib_core::Pixel;
 use calib_core::floor::BoxForm;
 use calib_health::Sighting;
 
+use crate::boxes::Boxes;
 use crate::calibrations::{Calibrations, Choice};
 use crate::cast::texts;
 use crate::columns::{BadCells, RowName, column, names, numbers};
-use crate::mapping::{Columns, Rows};
+use crate::mapping::{BOXES, Columns, Rows};
 use crate::table_error::TableError;
 
 /// Usual names of a column with the camera, in order of preference.
@@ -46,6 +47,8 @@ pub fn usual_at_column(schema: &Schema) -> Option<&'static str> {
 pub struct SightingColumns {
     /// Whether rows are feet or boxes.
     pub columns: Columns,
+    /// Reader of boxes.
+    pub boxes: Boxes,
     /// Column with the person ids of a tracker.
     pub person: Option<String>,
     /// Handling of invalid cells.
@@ -71,7 +74,7 @@ impl SightingColumns {
             return Err(TableError::Usage(what));
         };
         let choice = calibrations.choose_at(batch, Some(&times))?;
-        let boxes = self.boxes(batch, rows.row_name)?;
+        let detections = self.detections(batch, calibrations, rows.row_name)?;
         let people = self.people(batch)?;
         let mut seen = Vec::with_capacity(batch.num_rows());
         for row in 0..batch.num_rows() {
@@ -82,9 +85,14 @@ impl SightingColumns {
             let Some(calibration) = calibrations.list.get(index as usize) else { continue };
             let (Some(at), false) = (times[row], (rows.is_incomplete)(row)) else { continue };
             let in_still = |[u, v]: [f64; 2]| {
-                Pixel::new(calibration.stream.to_image(0, u), calibration.stream.to_image(1, v))
+                // Fractions count from the corner of the stream, whatever the pixel origin.
+                let map = |axis: usize, value: f64| match detections.are_fractions() {
+                    true => calibration.stream.corner_to_image(axis, value),
+                    false => calibration.stream.to_image(axis, value),
+                };
+                Pixel::new(map(0, u), map(1, v))
             };
-            let Detection { foot, head, width } = boxes.at(row);
+            let Detection { foot, head, width } = detections.at(row, calibration.stream_size);
             let [foot, head] = [foot, head].map(in_still);
             if foot.is_finite() {
                 let width = (width * calibration.stream.max_pixel_size()).max(0.0);
@@ -95,19 +103,32 @@ impl SightingColumns {
         Ok(seen)
     }
 
-    fn boxes(&self, batch: &RecordBatch, row_name: RowName<'_>) -> Result<Boxes, TableError> {
-        let schema = batch.schema();
-        let has = |name: &str| schema.column_with_name(name).is_some();
-        let are_boxes = match self.columns {
-            Columns::Auto => ["x", "y", "w", "h"].into_iter().all(has) || !(has("u") && has("v")),
-            columns => columns == Columns::Boxes,
+    /// Reads the feet or boxes of a batch.
+    fn detections(
+        &self,
+        batch: &RecordBatch,
+        calibrations: &Calibrations,
+        row_name: RowName<'_>,
+    ) -> Result<Detections, TableError> {
+        let columns = match self.columns {
+            Columns::Points => None,
+            Columns::Auto | Columns::Boxes => self.boxes.columns(batch),
         };
-        let expected = if self.columns == Columns::Auto { "x,y,w,h or u,v" } else { "x,y,w,h" };
-        Ok(if are_boxes {
-            Boxes::Whole(numbers(batch, ["x", "y", "w", "h"], expected, row_name, &self.bad)?)
-        } else {
-            Boxes::Feet(numbers(batch, ["u", "v"], "u,v", row_name, &self.bad)?)
-        })
+        if let Some(columns) = columns {
+            let names = columns.names.each_ref().map(String::as_str);
+            let values = numbers(batch, names, BOXES, row_name, &self.bad)?;
+            let are_fractions =
+                self.boxes.are_normalised(&columns, &values, calibrations, self.bad.wording())?;
+            return Ok(Detections::Boxes { form: columns.form, values, are_fractions });
+        }
+        if self.columns == Columns::Boxes || self.boxes.is_stated() {
+            // The columns of boxes are not complete, so this names the missing ones.
+            let values = numbers(batch, ["x", "y", "w", "h"], BOXES, row_name, &self.bad)?;
+            return Ok(Detections::Boxes { form: BoxForm::CornerSize, values, are_fractions: false });
+        }
+        let expected =
+            if self.columns == Columns::Auto { "u,v, or x,y,w,h or x1,y1,x2,y2 for boxes" } else { "u,v" };
+        Ok(Detections::Feet(numbers(batch, ["u", "v"], expected, row_name, &self.bad)?))
     }
 
     /// Reads the person ids as numbers, row by row.
@@ -127,9 +148,9 @@ impl SightingColumns {
     }
 }
 
-/// Boxes or foot points of a batch, column by column, in pixels of the stream.
-enum Boxes {
-    Whole([Vec<f64>; 4]),
+/// Boxes or foot points of a batch, column by column, in pixels or as fractions of the stream.
+enum Detections {
+    Boxes { form: BoxForm, values: [Vec<f64>; 4], are_fractions: bool },
     Feet([Vec<f64>; 2]),
 }
 
@@ -140,12 +161,20 @@ struct Detection {
     width: f64,
 }
 
-impl Boxes {
-    fn at(&self, row: usize) -> Detection {
+impl Detections {
+    const fn are_fractions(&self) -> bool {
+        matches!(self, Self::Boxes { are_fractions: true, .. })
+    }
+
+    /// Returns the detection of a row. `size` is the width and height of the stream, in pixels.
+    fn at(&self, row: usize, size: [f64; 2]) -> Detection {
         match self {
-            Self::Whole([x, y, w, h]) => {
-                let foot = BoxForm::CornerSize.foot([x[row], y[row], w[row], h[row]]);
-                Detection { foot, head: [foot[0], y[row]], width: w[row] }
+            Self::Boxes { form, values: [a, b, c, d], are_fractions } => {
+                let [sx, sy] = if *are_fractions { size } else { [1.0; 2] };
+                let numbers = [sx * a[row], sy * b[row], sx * c[row], sy * d[row]];
+                let [_, top, width, _] = form.corner_and_size(numbers);
+                let foot = form.foot(numbers);
+                Detection { foot, head: [foot[0], top], width }
             }
             Self::Feet([u, v]) => Detection { foot: [u[row], v[row]], head: [f64::NAN; 2], width: 0.0 },
         }

@@ -31,6 +31,16 @@ impl BoxForm {
         if width >= 0.0 && height >= 0.0 { foot } else { [f64::NAN; 2] }
     }
 
+    /// Returns the upper left corner x, y, the width and the height of a box.
+    #[must_use]
+    pub fn corner_and_size(self, [a, b, c, d]: [f64; 4]) -> [f64; 4] {
+        match self {
+            Self::CornerSize => [a, b, c, d],
+            Self::Corners => [a, b, c - a, d - b],
+            Self::CentreSize => [a - 0.5 * c, b - 0.5 * d, c, d],
+        }
+    }
+
     /// Calls `each` with the foot points (u, v) of boxes, in chunks that fit into the fastest cache. The
     /// range contains the indices of the boxes of a chunk.
     pub(crate) fn each_foot(self, boxes: &[[f64; 4]], mut each: impl FnMut(Range<usize>, [&[f64]; 2])) {
@@ -60,6 +70,16 @@ mod tests {
             BoxForm::CentreSize.foot([120.0, 260.0, 40.0, 120.0]),
         ];
         assert_eq!(feet, [[120.0, 320.0]; 3]);
+    }
+
+    #[test]
+    fn corner_and_size_are_the_same_in_every_box_form() {
+        let boxes = [
+            BoxForm::CornerSize.corner_and_size([100.0, 200.0, 40.0, 120.0]),
+            BoxForm::Corners.corner_and_size([100.0, 200.0, 140.0, 320.0]),
+            BoxForm::CentreSize.corner_and_size([120.0, 260.0, 40.0, 120.0]),
+        ];
+        assert_eq!(boxes, [[100.0, 200.0, 40.0, 120.0]; 3]);
     }
 
     #[test]
