@@ -269,6 +269,8 @@ fn text(rows: &[Row<'_>], terms: usize, has_periods: bool) -> String {
     let cameras: Vec<String> = rows.iter().map(|row| row.text(has_periods)).collect();
     format!(
         "-- Maps a table or view detections(camera_id, u, v{seen_at}). Pixels count from the corner of the image.\n\
+         -- Boxes need u in their middle and v at their lower edge: x + w / 2 and y + h, or (x1 + x2) / 2 and y2,\n\
+         -- or cx and cy + h / 2. Multiply fractions of the image by its width and height.\n\
          -- x_m and y_m are null above the horizon, outside the lens, and without a calibration.\n\
          {zone}{errors}CREATE OR REPLACE TEMPORARY VIEW calib_cameras AS\nSELECT * FROM (VALUES\n{cameras}\n) AS c\
          (camera_id, {columns}cx, cy, fx, fy, d1, d2, d3, g11, g12, g13, g21, g22, g23, g31, g32, g33);\n\n\

@@ -101,7 +101,8 @@ impl Camera {
     /// Maps boxes, four numbers each, to floor points. The foot point of a box is the middle of its lower
     /// edge.
     ///
-    /// `form` is "xywh", "xyxy" or "cxcywh".
+    /// `form` is "xywh", "xyxy" or "cxcywh", in pixels of the stream. Multiply normalised boxes (fractions, as
+    /// YOLO writes them) by its width and height first.
     ///
     /// # Errors
     /// Throws if the array does not contain four numbers for each box, and for an unknown form.
