@@ -151,3 +151,37 @@ fn no_exchanged_pair_gives_a_wrong_camera_without_a_finding() {
         }
     }
 }
+
+/// Returns a site with one camera that shows only the corners of a mark: a court of doubles tennis.
+fn court_mark(is_fixed: bool) -> Site {
+    use calib_core::floor::{COURTS, MarkKind, MarkShape};
+    let size = COURTS[0].size.to_vec();
+    let shape = MarkShape {
+        kind: MarkKind::Rectangle,
+        at: WorldPoint::new(1.0, 14.0, 0.0),
+        turn: 0.4,
+        size: size.clone(),
+    };
+    let seen = shape.point_names().map(|point| {
+        let px = truth().world_to_pixel(shape.point(&point).unwrap()).unwrap();
+        calib_site::MarkObservation { camera: "court".into(), point: point.into_owned(), px }
+    });
+    let entered = serde_json::json!({"id": "court", "kind": "rectangle", "at_m": [1.0, 14.0, 0.0], "size_m": size,
+        "turn_deg": 0.4_f64.to_degrees(), "fixed": is_fixed});
+    let mut mark: calib_site::Mark = serde_json::from_value(entered).unwrap();
+    mark.seen = seen.collect();
+    Site { cameras: vec![SiteCamera::new("court", [1920, 1080])], marks: vec![mark], ..Site::default() }
+}
+
+#[test]
+fn corners_of_a_marked_court_calibrate_a_camera_without_lines() {
+    for is_fixed in [true, false] {
+        let solution = solve(&Site { scene: Some(SceneEntry::EXACT), ..court_mark(is_fixed) });
+        assert!((solution.focal_px / 1250.0 - 1.0).abs() < 1e-5, "{solution:?}");
+        assert!((solution.position_m.unwrap().z - 6.5).abs() < 1e-4, "{solution:?}");
+        assert!(codes(&solution).contains(&Code::Unchecked), "one redundant coordinate: {solution:?}");
+        if is_fixed {
+            assert!(solution.position_m.unwrap().distance(truth().position) < 1e-4, "{solution:?}");
+        }
+    }
+}

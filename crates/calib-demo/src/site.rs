@@ -151,6 +151,7 @@ fn visible_point_names(kind: MarkKind) -> &'static [&'static str] {
         MarkKind::Circle => &["centre"],
         MarkKind::Person => &["foot", "head"],
         MarkKind::Grid => &["0,0", "6,0", "0,3", "6,3"],
+        MarkKind::Rectangle => &["c0", "c1", "c2", "c3"],
     }
 }
 

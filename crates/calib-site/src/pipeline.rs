@@ -488,6 +488,10 @@ fn recount_redundancy(
     const MIN_DOF: i64 = 2;
     let used = points.len() as i64 - first.suspect_points.len() as i64;
     if used < 2 {
+        if first.is_from_points && first.fit.is_none() {
+            // The reliability of every point of the mark is known after the joint solve.
+            findings.retain(|finding| finding.code() != Code::Unchecked);
+        }
         return;
     }
     let FixedParameters { roll, pitch, focal, height } = first.fixed;

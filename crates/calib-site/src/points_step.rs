@@ -2,10 +2,10 @@
 //! them, and the points that contradict the others.
 
 use crate::camera_result::CameraResult;
-use crate::document::{Site, SiteCamera};
+use crate::document::{Mark, Site, SiteCamera};
 use crate::solution::{Alternative, Method, Solution, Stage};
 use calib_core::camera::{Camera, Covariance, Lens, WorldPoint};
-use calib_core::floor::{ControlPoint, view_angle};
+use calib_core::floor::{ControlPoint, MarkShape, view_angle};
 use calib_core::optimize::is_misfit;
 use calib_core::outcome::{Failure, Finding, OtherMinimum};
 use calib_core::single::{
@@ -15,6 +15,7 @@ use calib_core::single::{
 /// Control points of a camera with known coordinates that are switched on, each with its index.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct UsedPoints {
+    /// Indices of the control points; empty for the points of a mark.
     indices: Vec<usize>,
     points: Vec<ControlPoint>,
     /// Standard deviations of their coordinates, in metres; 0 for exact coordinates.
@@ -54,6 +55,26 @@ impl UsedPoints {
         Self { position_sigmas: indices.iter().map(sigma).collect(), indices, points }
     }
 
+    /// Points of the mark with the most observations in the camera, at the position of the mark in the file. The
+    /// shape of the mark determines the orientation, the focal length and the height of the camera, wherever the
+    /// mark is.
+    pub(crate) fn of_mark(site: &Site, entry: &SiteCamera) -> Self {
+        let points = |mark: &Mark| -> Vec<ControlPoint> {
+            let shape = MarkShape {
+                kind: mark.kind,
+                at: mark.at_m,
+                turn: mark.turn_deg.to_radians(),
+                size: mark.size_m.clone(),
+            };
+            let own = mark.seen.iter().filter(|seen| seen.camera == entry.id);
+            own.filter_map(|seen| Some(ControlPoint { world: shape.point(&seen.point)?, pixel: seen.px }))
+                .collect()
+        };
+        let marks = site.marks.iter().filter(|mark| !mark.off);
+        let points = marks.map(points).max_by_key(Vec::len).unwrap_or_default();
+        Self { indices: Vec::new(), position_sigmas: vec![0.0; points.len()], points }
+    }
+
     /// Returns the inputs of a fit to the points.
     pub(crate) fn options(
         &self,
@@ -79,7 +100,7 @@ impl UsedPoints {
 
     /// Fits the camera to the points. `None` if they determine no pose.
     fn fit(&self, options: &PointFitOptions) -> Option<PointFit> {
-        PointFit::new(&self.points, options)
+        if self.points.is_empty() { None } else { PointFit::new(&self.points, options) }
     }
 
     /// Whether the points, with the priors, contradict each other beyond any noise.
@@ -98,7 +119,7 @@ impl UsedPoints {
 
     /// Returns the indices of the points that contradict a fit.
     pub(crate) fn suspects(&self, fit: &PointFit) -> Vec<usize> {
-        fit.outliers.iter().map(|&outlier| self.indices[outlier]).collect()
+        fit.outliers.iter().filter_map(|&outlier| self.indices.get(outlier)).copied().collect()
     }
 
     /// Returns the indices of the points that contradict the others, for a camera that its lines determine.

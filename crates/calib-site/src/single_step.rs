@@ -177,11 +177,18 @@ impl Site {
         let SingleInputs { entry, fixed, .. } = inputs;
         let points = UsedPoints::new(self, entry);
         let of_points = points.options(entry, inputs.lens_estimate.lens, fixed);
-        let by_points = || inputs.is_open().then(|| points.determined(&of_points)).flatten();
+        let marked = UsedPoints::of_mark(self, entry);
+        let of_mark = || marked.determined(&marked.options(entry, inputs.lens_estimate.lens, fixed));
+        let by_points = || inputs.is_open().then(|| points.determined(&of_points).or_else(of_mark)).flatten();
         if inputs.constraints.is_empty()
             && let Some(found) = by_points()
         {
-            let single = inputs.with_result(from_points(entry, &found), None);
+            let mut result = from_points(entry, &found);
+            // Redundancy of control points is counted when they place the camera.
+            if points.len() == 0 && found.dof < 2 {
+                result.findings.push(Finding::UncheckedPoints { dof: found.dof });
+            }
+            let single = inputs.with_result(result, None);
             return Ok(SingleFit { is_from_points: true, suspect_points: points.suspects(&found), ..single });
         }
         if inputs.has_lens_only() {

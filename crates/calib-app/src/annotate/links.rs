@@ -1,8 +1,9 @@
 //! Panels: the table of links, with a column for each camera, and the marks (virtual elements).
 
+use calib_core::floor::COURTS;
 use calib_core::single::Known;
 use calib_core::{MarkKind, WorldPoint};
-use calib_editor::{Action, LinkDistance, Part, inconsistent_links, link_distance, planes};
+use calib_editor::{Action, LinkDistance, Part, Units, inconsistent_links, link_distance, planes};
 use calib_site::{Link, LinkKind, Mark, counted};
 use egui::{DragValue, RichText, ScrollArea, Ui, Vec2};
 
@@ -22,6 +23,7 @@ const fn icon(kind: MarkKind) -> Icon {
         MarkKind::Circle => Icon::Circle,
         MarkKind::Person => Icon::Person,
         MarkKind::Grid => Icon::Grid,
+        MarkKind::Rectangle => Icon::Rectangle,
     }
 }
 
@@ -85,6 +87,24 @@ fn mark_row(app: &mut App, ui: &mut Ui, index: usize) {
     }
 }
 
+/// Shows the menu of known courts; returns whether one was chosen.
+fn court_menu(ui: &mut Ui, units: Units, size_m: &mut Vec<f64>) -> bool {
+    let mut is_chosen = false;
+    ui.menu_button("Known courts\u{2026}", |ui| {
+        for court in &COURTS {
+            let size = court.size.map(|side| units.number(side, 2)).join(" \u{d7} ");
+            let text = format!("{}: {size} {}", court.title, units.symbol());
+            let is_own = size_m[..] == court.size;
+            if ui.selectable_label(is_own, text).on_hover_text(court.source).clicked() {
+                *size_m = court.size.to_vec();
+                is_chosen = true;
+                ui.close();
+            }
+        }
+    });
+    is_chosen
+}
+
 /// Shows the fields for size, rotation and height of the selected mark.
 fn mark_fields(app: &mut App, ui: &mut Ui, index: usize, mut mark: Mark) {
     let palette = theme::palette(ui.ctx());
@@ -112,6 +132,9 @@ fn mark_fields(app: &mut App, ui: &mut Ui, index: usize, mut mark: Mark) {
         field(ui, "turn", turn.update_while_editing(false));
         field(ui, "above the floor", length_field(units, &mut mark.at_m.z, -1e5));
     });
+    if mark.kind == MarkKind::Rectangle {
+        changed |= court_menu(ui, units, &mut mark.size_m);
+    }
     let was_fixed = mark.fixed;
     ui.checkbox(&mut mark.fixed, "fixed when all cameras are refined");
     if changed || was_fixed != mark.fixed {

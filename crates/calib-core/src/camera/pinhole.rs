@@ -106,10 +106,19 @@ impl Camera {
     /// plane.
     #[must_use]
     pub fn world_to_pixel(&self, point: WorldPoint) -> Option<Pixel> {
+        self.project(self.in_camera(point))
+    }
+
+    /// Maps a point in camera axes to its raw pixel. Returns `None` for points behind the camera or outside
+    /// the lens.
+    pub(crate) fn project(&self, [x, y, z]: [f64; 3]) -> Option<Pixel> {
         if self.lens.distortion.is_wide() {
-            return self.lens.bearing_to_pixel(self.bearing(self.in_camera(point)));
+            return self.lens.bearing_to_pixel(self.bearing([x, y, z]));
         }
-        self.lens.distort(self.world_to_undistorted(point)?)
+        let is_in_front = z > MIN_DEPTH;
+        is_in_front
+            .then(|| self.undistorted_from_normalised([x / z, y / z]))
+            .and_then(|at| self.lens.distort(at))
     }
 
     /// Returns the bearing of a point or vector that is given in camera axes; see [`Lens::bearing`].

@@ -60,7 +60,8 @@ pub use remap::{Crop, Remap, StraightView, StraightViewError, Undistortion};
 pub use resection::{ControlPoint, from_control_points, with_placement_covariance};
 pub use ruler::{CameraCovariance, Measured, Ruler, RulerPoint};
 pub use scene::{
-    MarkKind, MarkShape, PRISM_HEIGHT, Polyline, ellipse, floor_grid, position_ellipse, prism, vertical,
+    COURTS, Court, MarkKind, MarkShape, PRISM_HEIGHT, Polyline, ellipse, floor_grid, position_ellipse, prism,
+    vertical,
 };
 pub use stream::{PixelOrigin, Stream, StreamError, StreamFit, StreamMap};
 pub use surface::{Surface, SurfacePoint, SurfaceProjector, SurfaceSigmas};

@@ -29,12 +29,22 @@ pub enum MarkKind {
     Person,
     /// Square grid; size: cell, columns, rows.
     Grid,
+    /// Rectangle on the floor, such as a sports court; size: width, depth.
+    Rectangle,
 }
 
 impl MarkKind {
     /// All kinds of virtual elements.
-    pub const ALL: [Self; 7] =
-        [Self::Cross, Self::Post, Self::Box, Self::Cylinder, Self::Circle, Self::Person, Self::Grid];
+    pub const ALL: [Self; 8] = [
+        Self::Cross,
+        Self::Post,
+        Self::Box,
+        Self::Cylinder,
+        Self::Circle,
+        Self::Person,
+        Self::Grid,
+        Self::Rectangle,
+    ];
 
     /// Returns the names of the numbers in the field `size` of a [`MarkShape`] of this kind, in order.
     #[must_use]
@@ -46,9 +56,52 @@ impl MarkKind {
             Self::Circle => &["radius"],
             Self::Person => &["height"],
             Self::Grid => &["cell", "columns", "rows"],
+            Self::Rectangle => &["width", "depth"],
         }
     }
 }
+
+/// Sports court or other marked rectangle of a known size, between the outer edges of its lines.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Court {
+    /// Name in menus.
+    pub title: &'static str,
+    /// Width and depth, in metres.
+    pub size: [f64; 2],
+    /// Source of the size.
+    pub source: &'static str,
+}
+
+/// Known courts, in the order of menus.
+pub const COURTS: [Court; 14] = {
+    const fn court(title: &'static str, size: [f64; 2], source: &'static str) -> Court {
+        Court { title, size, source }
+    }
+    [
+        court("Tennis, doubles", [10.97, 23.77], "ITF Rules of Tennis: 36 ft x 78 ft"),
+        court("Tennis, singles", [8.23, 23.77], "ITF Rules of Tennis: 27 ft x 78 ft"),
+        court("Badminton, doubles", [6.10, 13.40], "BWF Laws of Badminton"),
+        court("Badminton, singles", [5.18, 13.40], "BWF Laws of Badminton"),
+        court("Basketball, FIBA", [15.0, 28.0], "FIBA Official Basketball Rules, inner edges of the lines"),
+        court(
+            "Basketball, NBA",
+            [15.24, 28.65],
+            "NBA Official Rules: 50 ft x 94 ft, inner edges of the lines",
+        ),
+        court("Volleyball", [9.0, 18.0], "FIVB Official Volleyball Rules"),
+        court("Beach volleyball", [8.0, 16.0], "FIVB Beach Volleyball Rules"),
+        court("Handball", [20.0, 40.0], "IHF Rules of the Game"),
+        court("Padel", [10.0, 20.0], "FIP Rules of Padel, between the walls"),
+        court("Pickleball", [6.10, 13.41], "USA Pickleball: 20 ft x 44 ft"),
+        court("Football, penalty area", [40.32, 16.5], "IFAB Laws of the Game"),
+        court("Football, goal area", [18.32, 5.5], "IFAB Laws of the Game"),
+        court(
+            "Table tennis, table",
+            [1.525, 2.74],
+            "ITTF Laws of Table Tennis; its plane is 0.76 m above the floor",
+        ),
+    ]
+};
 
 /// Virtual element with a known shape, in world coordinates.
 #[derive(Clone, Debug, PartialEq)]
@@ -89,6 +142,7 @@ impl MarkShape {
             MarkKind::Circle => &["centre"],
             MarkKind::Person => &["foot", "head"],
             MarkKind::Grid => &[],
+            MarkKind::Rectangle => &["c0", "c1", "c2", "c3"],
         };
         let cells = (self.kind == MarkKind::Grid).then(|| clamped_cell_counts(self.size(1), self.size(2)));
         let crossings = cells.into_iter().flat_map(|[columns, rows]| {
@@ -118,10 +172,10 @@ impl MarkShape {
             (MarkKind::Post, "top") => [0.0, 0.0, self.size(2)],
             (MarkKind::Cylinder, "top") => [0.0, 0.0, self.size(1)],
             (MarkKind::Person, "head") => [0.0, 0.0, self.size(0)],
-            (MarkKind::Box, "b0") => corner(false, 0),
-            (MarkKind::Box, "b1") => corner(false, 1),
-            (MarkKind::Box, "b2") => corner(false, 2),
-            (MarkKind::Box, "b3") => corner(false, 3),
+            (MarkKind::Box, "b0") | (MarkKind::Rectangle, "c0") => corner(false, 0),
+            (MarkKind::Box, "b1") | (MarkKind::Rectangle, "c1") => corner(false, 1),
+            (MarkKind::Box, "b2") | (MarkKind::Rectangle, "c2") => corner(false, 2),
+            (MarkKind::Box, "b3") | (MarkKind::Rectangle, "c3") => corner(false, 3),
             (MarkKind::Box, "t0") => corner(true, 0),
             (MarkKind::Box, "t1") => corner(true, 1),
             (MarkKind::Box, "t2") => corner(true, 2),
@@ -152,6 +206,7 @@ impl MarkShape {
             MarkKind::Circle => vec![circle(a, 0.0)],
             MarkKind::Person => person(a),
             MarkKind::Grid => grid_lines(a, self.size(1), self.size(2)),
+            MarkKind::Rectangle => vec![rectangle(0.5 * a, 0.5 * self.size(1), 0.0)],
         };
         local.into_iter().map(|line| line.into_iter().map(|point| self.place(point)).collect()).collect()
     }
@@ -167,12 +222,16 @@ fn circle(radius: f64, z: f64) -> Vec<[f64; 3]> {
         .collect()
 }
 
+/// Returns a closed rectangle with the half sides `x` and `y` at height `z`, in axes of the element, in metres.
+fn rectangle(x: f64, y: f64, z: f64) -> Vec<[f64; 3]> {
+    [[-x, -y], [x, -y], [x, y], [-x, y], [-x, -y]].map(|[x, y]| [x, y, z]).to_vec()
+}
+
 /// Returns the edges of a box with the half sides `x` and `y`, in axes of the element, in metres.
 fn box_edges(x: f64, y: f64, height: f64) -> Vec<Vec<[f64; 3]>> {
-    let corners = [[-x, -y], [x, -y], [x, y], [-x, y], [-x, -y]];
-    let face = |z: f64| corners.map(|[x, y]| [x, y, z]).to_vec();
-    let mut edges = vec![face(0.0), face(height)];
-    edges.extend(corners[..4].iter().map(|&[x, y]| vec![[x, y, 0.0], [x, y, height]]));
+    let base = rectangle(x, y, 0.0);
+    let mut edges = vec![base.clone(), rectangle(x, y, height)];
+    edges.extend(base[..4].iter().map(|&[x, y, _]| vec![[x, y, 0.0], [x, y, height]]));
     edges
 }
 

@@ -14,8 +14,10 @@
 //! Four points of a plane determine the focal length if the plane is not parallel to the image (Zhang 2000,
 //! section 3.1). Three points determine the pose up to four solutions if the focal length is known.
 
+use nalgebra::{SMatrix, SVector};
+
 use crate::camera::{
-    Camera, Covariance, Lens, ObservedPixel, POSE_PARAMS, PosedCamera, WorldPoint, angles_from_rotation,
+    Camera, Covariance, Lens, ObservedPixel, POSE_PARAMS, PosedCamera, WorldPoint, angles_from_rotation, dot,
 };
 use crate::floor::ControlPoint;
 use crate::optimize::{LeastSquares, damp_diagonal, least_squares, product, pseudo_invert};
@@ -89,14 +91,21 @@ impl PointFit {
     pub fn new(points: &[ControlPoint], options: &PointFitOptions) -> Option<Self> {
         /// Number of starts that are refined.
         const MAX_REFINED: usize = 8;
+        /// Largest difference of Cauchy's loss from the least one. A chi-square that the points do not rule
+        /// out differs by less.
+        const MAX_LOSS_DIFFERENCE: f64 = 10.0;
         let problem = Problem::new(points, options);
-        let mut starts: Vec<(f64, Camera)> =
-            problem.starts().into_iter().map(|camera| (problem.loss(&camera), camera)).collect();
-        starts.retain(|(loss, _)| loss.is_finite());
-        starts.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut minima: Vec<Minimum> = Vec::new();
-        for (_, start) in starts.into_iter().take(MAX_REFINED) {
-            let Some(minimum) = problem.minimum(&start) else { continue };
+        let mut consensuses: Vec<Camera> = Vec::new();
+        for start in problem.best_starts(MAX_REFINED) {
+            let Some(consensus) = problem.consensus(&start, &consensuses) else { continue };
+            consensuses.push(consensus);
+            // A clearly larger loss is another pose, which the points rule out.
+            let least = minima.iter().map(|known| known.loss).fold(f64::INFINITY, f64::min);
+            if problem.loss_below(&consensus, least + MAX_LOSS_DIFFERENCE).is_none() {
+                continue;
+            }
+            let Some(minimum) = problem.minimum(&consensus) else { continue };
             if !minima.iter().any(|known| is_same(&known.camera, &minimum.camera)) {
                 minima.push(minimum);
             }
@@ -163,19 +172,34 @@ impl<'a> Problem<'a> {
             return around.into_iter().filter(|&focal| focal > 0.2 * value).collect();
         }
         let ratio = (RANGE[1] / RANGE[0]).powf(f64::from(COUNT - 1).recip());
-        (0..COUNT).map(|i| self.options.size[0] * RANGE[0] * ratio.powf(f64::from(i))).collect()
+        let mut focals: Vec<f64> =
+            (0..COUNT).map(|i| self.options.size[0] * RANGE[0] * ratio.powf(f64::from(i))).collect();
+        // The usual focal lengths come first, because good starts make the search shorter.
+        let usual = weak_prior(self.options.size[0]).value;
+        focals.sort_by(|a, b| (a.ln() - usual).abs().total_cmp(&(b.ln() - usual).abs()));
+        focals
     }
 
-    /// Returns the cameras that show a triple of points, for every triple and focal length.
-    fn starts(&self) -> Vec<Camera> {
+    /// Returns the `count` cameras with the least loss, in this order, of the cameras that show a triple of
+    /// points, for every triple and focal length.
+    fn best_starts(&self, count: usize) -> Vec<Camera> {
+        /// Largest number of triples that are all used at every focal length.
+        const MAX_TRIPLES_OF_EVERY_FOCAL: usize = 12;
         let triples = triples(self.points, &self.observed);
-        let mut starts = Vec::new();
-        for focal in self.focals() {
-            for triple in &triples {
-                starts.extend(self.cameras_of(*triple, focal));
+        let mut best: Vec<(f64, Camera)> = Vec::with_capacity(count + 1);
+        let focals = self.focals();
+        // Neighbouring focal lengths are similar, so each has every second of many triples.
+        let step = if focals.len() > 1 && triples.len() > MAX_TRIPLES_OF_EVERY_FOCAL { 2 } else { 1 };
+        for (index, &focal) in focals.iter().enumerate() {
+            let own = triples.iter().skip(index % step).step_by(step);
+            for camera in own.flat_map(|triple| self.cameras_of(*triple, focal)) {
+                let limit = best.get(count - 1).map_or(f64::INFINITY, |(loss, _)| *loss);
+                let Some(loss) = self.loss_below(&camera, limit) else { continue };
+                best.insert(best.partition_point(|(other, _)| *other <= loss), (loss, camera));
+                best.truncate(count);
             }
         }
-        starts
+        best.into_iter().map(|(_, camera)| camera).collect()
     }
 
     fn cameras_of(&self, triple: [usize; 3], focal: f64) -> Vec<Camera> {
@@ -211,15 +235,15 @@ impl<'a> Problem<'a> {
         p3p(&rays, &world).into_iter().map(camera).collect()
     }
 
-    /// Returns the reprojection error of a point in raw pixels; infinite if the camera does not show it.
-    fn error(&self, camera: &Camera, index: usize) -> f64 {
-        let shown = camera.world_to_pixel(self.points[index].world);
-        shown.map_or(f64::INFINITY, |shown| shown.distance(self.points[index].pixel))
-    }
-
-    /// Returns the reprojection error of a point, in scales of Cauchy's loss: three standard deviations.
-    fn scaled_error(&self, camera: &Camera, index: usize) -> f64 {
-        self.error(camera, index) / (3.0 * self.sigma(camera, index))
+    /// Returns the reprojection error of a point, in scales of Cauchy's loss: three standard deviations. It is
+    /// infinite if the camera does not show the point. `rotation` is the rotation of the camera.
+    fn scaled_error(&self, camera: &Camera, rotation: &[[f64; 3]; 3], index: usize) -> f64 {
+        let ControlPoint { world, pixel, .. } = self.points[index];
+        let WorldPoint { x, y, z } = camera.position;
+        let offset = [world.x - x, world.y - y, world.z - z];
+        let shown = camera.project(rotation.map(|row| dot(&row, &offset)));
+        let error = shown.map_or(f64::INFINITY, |shown| shown.distance(pixel));
+        error / (3.0 * self.sigma(camera, index))
     }
 
     /// Returns the standard deviation of a coordinate of a reprojection error, in raw pixels: of the pixel,
@@ -233,16 +257,29 @@ impl<'a> Problem<'a> {
 
     /// Returns Cauchy's loss of all points, and the priors.
     fn loss(&self, camera: &Camera) -> f64 {
+        self.loss_below(camera, f64::INFINITY).unwrap_or(f64::INFINITY)
+    }
+
+    /// Returns Cauchy's loss of all points, and the priors; `None` if it is not below `limit`.
+    fn loss_below(&self, camera: &Camera, limit: f64) -> Option<f64> {
         /// Loss of a point that the camera does not show: an error of a million scales.
         const HIDDEN: f64 = 28.0;
-        let of_points: f64 =
-            (0..self.points.len()).map(|i| self.scaled_error(camera, i).powi(2).ln_1p().min(HIDDEN)).sum();
-        let of_priors: f64 =
-            self.prior_residuals(&self.state(camera)).iter().map(|(r, ..)| (r * r).ln_1p()).sum();
         let usual = weak_prior(self.options.size[0]);
         let of_focal =
             if self.free[LOG_FOCAL] { (camera.focal.ln() - usual.value) / usual.sigma } else { 0.0 };
-        of_points + of_priors + 0.1 * of_focal * of_focal
+        let of_priors: f64 = self
+            .prior_residuals(&self.state(camera))
+            .map(|(residual, ..)| (residual * residual).ln_1p())
+            .sum();
+        let mut loss = of_priors + 0.1 * of_focal * of_focal;
+        let rotation = camera.rotation();
+        for index in 0..self.points.len() {
+            loss += self.scaled_error(camera, &rotation, index).powi(2).ln_1p().min(HIDDEN);
+            if loss.is_nan() || loss >= limit {
+                return None;
+            }
+        }
+        Some(loss)
     }
 
     fn state(&self, camera: &Camera) -> State {
@@ -264,7 +301,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Returns the residuals of the priors with the index and derivative of their parameter.
-    fn prior_residuals(&self, state: &State) -> Vec<(f64, usize, f64)> {
+    fn prior_residuals(&self, state: &State) -> impl Iterator<Item = (f64, usize, f64)> {
         let Priors { roll, pitch, focal, height, .. } = self.options.priors;
         let angle = |prior: Option<Prior>, index: usize| {
             let wrapped = |by: f64| by.sin().atan2(by.cos());
@@ -279,35 +316,52 @@ impl<'a> Problem<'a> {
             .weak_log_focal
             .map(|prior| ((state[LOG_FOCAL] - prior.value) / prior.sigma, LOG_FOCAL, prior.sigma.recip()));
         let all = [angle(roll, ROLL), angle(pitch, PITCH), of_focal, of_height, weak];
-        all.into_iter().flatten().filter(|(_, index, _)| self.free[*index]).collect()
+        let free = self.free;
+        all.into_iter().flatten().filter(move |(_, index, _)| free[*index])
     }
 
     /// Returns the number of residuals of the points with weight and of the priors, minus the parameters.
     fn dof(&self) -> i64 {
         let points = self.weights.iter().filter(|&&weight| weight > 0.0).count();
-        let priors = self.prior_residuals(&[0.0; POSE_PARAMS]).len();
+        let priors = self.prior_residuals(&[0.0; POSE_PARAMS]).count();
         let unknowns = self.free.iter().filter(|&&free| free).count();
         2 * points as i64 + priors as i64 - unknowns as i64
     }
 
-    /// Returns the minimum reached from a start: robustly first, then by least squares over the inliers.
-    fn minimum(&self, start: &Camera) -> Option<Minimum> {
+    /// Returns the robust minimum reached from a start. Returns `None` if it is one of `known`.
+    fn consensus(&self, start: &Camera, known: &[Camera]) -> Option<Camera> {
         /// Number of reweighted minimisations, and of steps in each.
         const ROUNDS: usize = 6;
         const STEPS: usize = 6;
+        let mut camera = *start;
+        let mut problem = self.with_weights(Vec::new());
+        for _ in 0..ROUNDS {
+            let rotation = camera.rotation();
+            let robust = |i: usize| (1.0 + self.scaled_error(&camera, &rotation, i).powi(2)).recip();
+            let weights = (0..self.points.len()).map(|i| robust(i) * self.sigma(&camera, i).powi(-2));
+            problem.weights = weights.collect();
+            let before = camera;
+            camera = problem.refined(&camera, STEPS)?;
+            if known.iter().any(|known| is_same(known, &camera)) {
+                return None;
+            }
+            if is_same(&before, &camera) {
+                break;
+            }
+        }
+        Some(camera)
+    }
+
+    /// Returns the least-squares minimum of the inliers of a robust minimum.
+    fn minimum(&self, camera: &Camera) -> Option<Minimum> {
         /// Largest error of an inlier, in scales of the loss.
         const MAX_INLIER_SCALES: f64 = 3.0;
         /// Least redundancy of the inliers: fewer points always nearly agree.
         const MIN_REDUNDANCY: i64 = 3;
-        let mut camera = *start;
-        for _ in 0..ROUNDS {
-            let robust = |i: usize| (1.0 + self.scaled_error(&camera, i).powi(2)).recip();
-            let weights = (0..self.points.len()).map(|i| robust(i) * self.sigma(&camera, i).powi(-2));
-            camera = self.with_weights(weights.collect()).refined(&camera, STEPS)?;
-        }
-        let is_inlier = |i: usize| self.scaled_error(&camera, i) <= MAX_INLIER_SCALES;
+        let rotation = camera.rotation();
+        let is_inlier = |i: usize| self.scaled_error(camera, &rotation, i) <= MAX_INLIER_SCALES;
         let outliers: Vec<usize> = (0..self.points.len()).filter(|&i| !is_inlier(i)).collect();
-        let of = |i: usize| self.sigma(&camera, i).powi(-2);
+        let of = |i: usize| self.sigma(camera, i).powi(-2);
         let weights = |rejected: &[usize]| {
             (0..self.points.len()).map(|i| if rejected.contains(&i) { 0.0 } else { of(i) }).collect()
         };
@@ -317,7 +371,7 @@ impl<'a> Problem<'a> {
         if !has_consensus {
             problem.weights = weights(&[]);
         }
-        problem.converged(&camera, outliers)
+        problem.converged(camera, outliers)
     }
 
     fn with_weights(&self, weights: Vec<f64>) -> Self {
@@ -437,16 +491,28 @@ impl LeastSquares for Problem<'_> {
         (square, gradient): &Self::Normal,
         damping: f64,
     ) -> Option<(State, f64, f64)> {
-        let mut inverse = *square;
-        damp_diagonal(&mut inverse, damping);
-        pseudo_invert(&mut inverse, POSE_PARAMS);
-        let mut step = Vec::new();
-        product(&inverse, gradient, POSE_PARAMS, &mut step);
+        let mut damped = *square;
+        damp_diagonal(&mut damped, damping);
+        let step = solved(&damped, gradient, &self.free);
         let gain = |i: usize| step[i] * (damping * square[i * POSE_PARAMS + i] * step[i] + gradient[i]);
         let predicted = (0..POSE_PARAMS).map(gain).sum();
         let size = step.iter().fold(0.0, |size: f64, by| size.max(by.abs()));
         Some((std::array::from_fn(|i| state[i] - step[i]), predicted, size))
     }
+}
+
+/// Solves the normal equations of the free parameters. The step of a fixed parameter is zero.
+fn solved(square: &Square, gradient: &Column, free: &[bool; POSE_PARAMS]) -> Column {
+    let mut matrix = SMatrix::<f64, POSE_PARAMS, POSE_PARAMS>::from_row_slice(square);
+    (0..POSE_PARAMS).filter(|&k| !free[k]).for_each(|k| matrix[(k, k)] = 1.0);
+    if let Some(factor) = matrix.cholesky() {
+        return factor.solve(&SVector::from(*gradient)).into();
+    }
+    // A parameter is undetermined.
+    let (mut inverse, mut step) = (*square, Vec::new());
+    pseudo_invert(&mut inverse, POSE_PARAMS);
+    product(&inverse, gradient, POSE_PARAMS, &mut step);
+    std::array::from_fn(|k| step[k])
 }
 
 /// Returns triples of points with a large triangle in the image: of all triples, or of a random sample of

@@ -21,6 +21,7 @@ fn default_size_m(kind: MarkKind) -> Vec<f64> {
         MarkKind::Circle => vec![1.0],
         MarkKind::Person => vec![1.75],
         MarkKind::Grid => vec![1.0, 4.0, 4.0],
+        MarkKind::Rectangle => vec![2.5, 5.0],
     }
 }
 

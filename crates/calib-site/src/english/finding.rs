@@ -237,7 +237,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         F::FarControlPoints { .. } => {
             "Check the coordinates and the pixel of the worst one, or switch it off and solve again."
         }
-        F::UncheckedPoints { .. } => "Click another control point, or draw lines.",
+        F::UncheckedPoints { .. } => "Click another point, or draw lines.",
         F::WrongPrincipalPoint { is_exchanged: true, .. } => {
             "Exchange its coordinates: it is [u, v], from the left and from the top."
         }
@@ -266,6 +266,9 @@ const fn shared_advice(finding: &Finding) -> &'static str {
     match finding {
         F::ControlPointOutlier { .. } => {
             "Check its coordinates and its pixel. If both are correct, use it anyway (\"keep\")."
+        }
+        F::UncheckedLinks { cameras, .. } if cameras.is_empty() => {
+            "Click one more of its points, or draw a line."
         }
         F::UncheckedLinks { .. } => "Link one more point with that camera, far from the others.",
         F::ElementOutlier { .. } => {

@@ -320,6 +320,12 @@ impl SentenceContext<'_> {
         if elements.len() > MAX_LISTED {
             names.push(format!("{} more", elements.len() - MAX_LISTED));
         }
+        if cameras.is_empty() {
+            return format!(
+                "There is no redundant point, so a wrong click cannot be detected in {}.",
+                enumerated(&names)
+            );
+        }
         format!(
             "There is no redundant link with {}, so a wrong click cannot be detected in {}.",
             self.ids(cameras),
@@ -435,9 +441,9 @@ pub(super) fn other_minima(others: &[OtherMinimum]) -> String {
 
 pub(super) const fn unchecked_points(dof: i64) -> &'static str {
     if dof < 1 {
-        "The control points have no redundant coordinate, so a wrong point cannot be detected."
+        "The points have no redundant coordinate, so a wrong point cannot be detected."
     } else {
-        "The control points have one redundant coordinate, which is too few to detect a wrong point reliably."
+        "The points have one redundant coordinate, which is too few to detect a wrong point reliably."
     }
 }
 

@@ -26,7 +26,11 @@ const PROGRAMS: [(&str, &str, &[&str]); 5] = [
         ],
     ),
     ("calib-core", "undistortion", &["undistort_1080p_ms", "undistort_1080p_cached_ms"]),
-    ("calib-core", "single_fit", &["solve_option1_us", "solve_option2_us"]),
+    (
+        "calib-core",
+        "single_fit",
+        &["solve_option1_us", "solve_option2_us", "solve_4_points_us", "solve_20_points_us"],
+    ),
     (
         "calib-site",
         "bundle_adjustment",
