@@ -152,6 +152,20 @@ fn no_exchanged_pair_gives_a_wrong_camera_without_a_finding() {
     }
 }
 
+#[test]
+fn uncertainty_from_points_is_known_without_a_joint_solve() {
+    let site = site(&court(9), 0.5, &mut ChaCha8Rng::seed_from_u64(7));
+    let options = Options { refine: false, ..Options::default() };
+    let solution = site.calibrate(&options).cameras.remove(0).1.unwrap();
+    let joint = solve(&site).sigma.unwrap();
+    let sigma = solution.sigma.unwrap();
+    // The joint solve also estimates the principal point, which widens the intervals.
+    let ratio = sigma.focal_px.unwrap() / joint.focal_px.unwrap();
+    assert!((0.02..2.0).contains(&ratio), "{sigma:?} and {joint:?}");
+    assert!(sigma.floor_length_rel.unwrap() < 0.05, "{sigma:?}");
+    assert!(!solution.warnings.iter().any(|warning| warning.code.fails_check()), "{:?}", solution.warnings);
+}
+
 /// Returns a site with one camera that shows only the corners of a mark: a court of doubles tennis.
 fn court_mark(is_fixed: bool) -> Site {
     use calib_core::floor::{COURTS, MarkKind, MarkShape};
@@ -175,6 +189,9 @@ fn court_mark(is_fixed: bool) -> Site {
 
 #[test]
 fn corners_of_a_marked_court_calibrate_a_camera_without_lines() {
+    // The principal point is unknown by default, and a mark that may move is seen by one camera.
+    let partial = solve(&court_mark(false));
+    assert!(partial.sigma.as_ref().unwrap().pitch_deg.unwrap() < 10.0, "{partial:?}");
     for is_fixed in [true, false] {
         let solution = solve(&Site { scene: Some(SceneEntry::EXACT), ..court_mark(is_fixed) });
         assert!((solution.focal_px / 1250.0 - 1.0).abs() < 1e-5, "{solution:?}");

@@ -183,6 +183,22 @@ fn lens_state(session: &Session, camera: usize) -> (String, bool) {
     (from, (is_fitted && !is_vague) || like.is_some())
 }
 
+/// Returns a text about the placement of a camera, or about the way to place it.
+fn placement_state(session: &Session, camera: usize) -> String {
+    let solution = session.solved.solution(camera).filter(|solution| solution.stage >= Stage::Placed);
+    let Some(entry) = session.site.cameras.get(camera) else { return String::new() };
+    match (solution, session.is_fixed_by_control_points(camera)) {
+        (Some(_), _) if session.solved.is_out_of_date(camera) => "changed since the last Refine".into(),
+        (Some(_), true) => counted(entry.control_points.len(), "control point", "control points"),
+        (Some(solution), false) if solution.stage == Stage::Refined => "refined with other cameras".into(),
+        (Some(_), false) => "placed by hand".into(),
+        (None, _) if session.site.plan.is_some() && entry.annotations.is_empty() => {
+            "click 4 points, here and on the plan".into()
+        }
+        (None, _) => "place on the plan, or add links".into(),
+    }
+}
+
 /// Returns the steps of a camera in working order.
 #[must_use]
 pub fn steps(session: &Session, camera: usize) -> Vec<Step> {
@@ -199,6 +215,10 @@ pub fn steps(session: &Session, camera: usize) -> Vec<Step> {
     let directions = parallels.1 + angles.0;
     let corners = entry.efov_px.as_ref().map_or(0, Vec::len);
     let placed = solution.is_some_and(|solution| solution.stage >= Stage::Placed);
+    // Control points alone may determine a camera. Then it needs no lines.
+    let is_from_points = placed && plumb + floor == 0 && session.is_fixed_by_control_points(camera);
+    let from_points =
+        || format!("from {}", counted(entry.control_points.len(), "control point", "control points"));
     let step = |title, state: String, is_done, is_optional| {
         let is_contradicted = is_done && contradicted.contains(&title);
         Step { title, state, is_done, is_optional, is_contradicted }
@@ -207,40 +227,32 @@ pub fn steps(session: &Session, camera: usize) -> Vec<Step> {
         step(LENS, lens, has_lens, !is_fisheye(session, camera)),
         step(
             VERTICALS,
-            if plumb >= 2 { format!("{plumb} lines") } else { format!("needs 2, has {plumb}") },
-            plumb >= 2 || session.solved.pose(camera).is_some() && floor >= 4,
+            match plumb {
+                _ if is_from_points => from_points(),
+                2.. => format!("{plumb} lines"),
+                _ => format!("needs 2, has {plumb}"),
+            },
+            plumb >= 2 || is_from_points || session.solved.pose(camera).is_some() && floor >= 4,
             false,
         ),
         step(
             FLOOR_LINES,
             match (floor, directions) {
+                _ if is_from_points => from_points(),
                 (0 | 1, _) => format!("needs 2, has {floor}"),
                 (_, 0 | 1) => format!("{floor} lines"),
                 (_, directions) => format!("{floor} lines, {directions} directions"),
             },
-            floor >= 2,
+            floor >= 2 || is_from_points,
             false,
         ),
         step(
             FIELD,
             if corners >= 3 { format!("{corners} corners") } else { "click its corners".into() },
             corners >= 3,
-            false,
+            is_from_points,
         ),
-        step(
-            PLACE,
-            match (placed, session.is_fixed_by_control_points(camera)) {
-                (true, _) if session.solved.is_out_of_date(camera) => "changed since the last Refine".into(),
-                (true, true) => counted(entry.control_points.len(), "control point", "control points"),
-                (true, false) if solution.is_some_and(|s| s.stage == Stage::Refined) => {
-                    "refined with other cameras".into()
-                }
-                (true, false) => "placed by hand".into(),
-                (false, _) => "place on the plan, or add links".into(),
-            },
-            placed,
-            false,
-        ),
+        step(PLACE, placement_state(session, camera), placed, false),
     ]
 }
 

@@ -474,3 +474,37 @@ fn all_strokes_of_a_frame_are_kept_and_solved_in_the_next() {
         (solved.pitch - slowly.pose(0).pitch).abs() + (solved.focal / slowly.pose(0).focal - 1.0).abs();
     assert!(apart < 1e-6, "{apart}");
 }
+
+/// Control points alone calibrate a camera, so its steps ask for no lines.
+#[test]
+fn camera_from_control_points_needs_no_lines() {
+    let demo = calib_demo::demo_site();
+    let truth = demo.truth[0].1;
+    let mut site = demo.site.clone();
+    site.cameras.truncate(1);
+    (site.links, site.marks, site.distances) = (Vec::new(), Vec::new(), Vec::new());
+    let camera = &mut site.cameras[0];
+    camera.annotations.clear();
+    camera.placement = None;
+    camera.lens = None;
+    assert!(camera.control_points.len() >= 5);
+    for point in &mut camera.control_points {
+        let world = point.control_point(&demo.site).unwrap().world;
+        // The demonstration has a distorted lens, which points alone do not determine.
+        let straight = Camera { lens: calib_core::Lens::pinhole(truth.lens.principal_point), ..truth };
+        point.px = straight.world_to_pixel(world).unwrap();
+    }
+    let [points, mut none] = [site.clone(), site];
+    none.cameras[0].control_points.clear();
+    let listed = |site: Site| {
+        let mut editor = Editor::default();
+        let opened = Opened { site, images: Images::default(), path: None, is_unsaved: false };
+        editor.apply(Action::Open(Box::new(opened)));
+        (steps::is_finished(editor.session(), 0), steps::steps(editor.session(), 0))
+    };
+    let (is_finished, steps) = listed(points);
+    assert!(steps.iter().all(|step| step.is_done || step.is_optional), "{steps:?}");
+    assert!(is_finished, "{steps:?}");
+    let (_, steps) = listed(none);
+    assert_eq!(steps.last().unwrap().state, "click 4 points, here and on the plan");
+}

@@ -154,9 +154,10 @@ fn adjust(
     let cameras = bundle_cameras(entries, members);
     let mut summary = BundleAdjustment { cameras, landmarks, distances, planes }.solve_checked();
     for (estimate, member) in summary.cameras.iter_mut().zip(members) {
-        if let (Some(estimate), Some(member)) = (estimate, member)
-            && !estimate.is_connected
-        {
+        let Some(member) = member else { continue };
+        // A camera from points without its points has no residuals here; its own result is kept.
+        estimate.take_if(|estimate| !estimate.is_connected && member.has_only_points());
+        if let Some(estimate) = estimate.as_mut().filter(|estimate| !estimate.is_connected) {
             estimate.camera = member.with_single_pose(&estimate.camera);
         }
     }
@@ -197,6 +198,11 @@ impl<'a> Member<'a> {
             single.fit.is_some() || single.is_from_points
         };
         takes_part.then_some(Self { entry, single, own })
+    }
+
+    /// Whether only points determine the camera.
+    const fn has_only_points(&self) -> bool {
+        self.single.is_from_points && self.single.fit.is_none()
     }
 
     fn bundle_camera(&self, lens_of: Option<usize>) -> BundleCamera<'a> {

@@ -3,6 +3,7 @@
 
 use calib_core::Kind;
 use calib_editor::steps::{nonstraightness_px, steps};
+use calib_editor::{Action, TOOLS};
 use egui::{Color32, Painter, Pos2, Rect, RichText, Shape, Stroke, Ui, Vec2};
 
 use crate::annotate::lens;
@@ -170,6 +171,16 @@ pub(crate) fn steps_ui(app: &mut App, ui: &mut Ui) {
         .session()
         .entry()
         .is_some_and(|entry| entry.image.is_some() && entry.annotations.is_empty());
+    // With a plan, a few known points are the shortest way.
+    let point_tool = TOOLS.iter().position(|tool| tool.title == "Control point");
+    if let Some(tool) = point_tool.filter(|_| is_blank && app.editor.session().site.plan.is_some())
+        && ui
+            .button("Click known points   C")
+            .on_hover_text("Click a point in the image, then the same point on the plan. Four points calibrate a camera without lines.")
+            .clicked()
+    {
+        app.send(Action::SelectTool(tool));
+    }
     let waits = app.jobs.proposing.is_none() && app.editor.session().proposed().is_none();
     if is_blank
         && waits
