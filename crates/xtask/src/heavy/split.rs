@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
 /// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
-const REST: [&str; 65] = [
+const REST: [&str; 67] = [
     // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
@@ -29,6 +29,7 @@ const REST: [&str; 65] = [
     "calib_site::coverage",
     "calib_site::measurement",
     "calib_core::floor::coverage",
+    "calib_core::single::abramov",
     "calib_core::floor::pixel_density",
     "roxmltree",
     "kurbo::arc",
@@ -36,6 +37,7 @@ const REST: [&str; 65] = [
     "kurbo::offset",
     "kurbo::stroke",
     "calib_app::export",
+    "calib_app::annotate::links::court_menu",
     "calib_app::plan::drawing_fields",
     "calib_app::plan::agreement",
     "calib_app::plan::placement",
