@@ -34,7 +34,7 @@ fn keep_fixed_numbers(before: Option<&PlacementEntry>, mut now: PlacementEntry) 
     now.move_m.x = pick(held.x, before.move_m.x, now.move_m.x);
     now.move_m.y = pick(held.y, before.move_m.y, now.move_m.y);
     now.turn_deg = pick(held.turn, before.turn_deg, now.turn_deg);
-    PlacementEntry { fixed: before.fixed, held, ..now }
+    PlacementEntry { fixed: before.fixed, held, estimated: now.estimated && !before.fixed, ..now }
 }
 
 /// Rounds a placement to 1e-6 m, 1e-6 degrees and a scale of 1e-8, to avoid meaningless digits in files.

@@ -193,6 +193,9 @@ fn unit_of_lengths_is_stored_and_undoable_and_changes_no_result() {
     editor.apply(Action::ToggleUnits);
     assert_eq!(editor.site().units, calib_site::Units::Feet);
     assert!(editor.site().to_json().contains("\"units\": \"feet\""));
+    let mut another = Editor::default();
+    open(&mut another, editor.site().clone());
+    assert_eq!(another.site().units, calib_site::Units::Feet, "opening keeps the unit of the file");
     assert!(editor.session().solved.is_joint_current());
     assert_eq!(editor.session().solved.pose(1).copied(), before);
     editor.apply(Action::Gesture(Gesture::Undo));

@@ -155,7 +155,7 @@ fn adjust(
     let mut summary = BundleAdjustment { cameras, landmarks, distances, planes }.solve_checked();
     for (estimate, member) in summary.cameras.iter_mut().zip(members) {
         let Some(member) = member else { continue };
-        // A camera from points without its points has no residuals here; its own result is kept.
+        // An unconnected camera from points has no residuals here. Its result of stage 1 is kept.
         estimate.take_if(|estimate| !estimate.is_connected && member.has_only_points());
         if let Some(estimate) = estimate.as_mut().filter(|estimate| !estimate.is_connected) {
             estimate.camera = member.with_single_pose(&estimate.camera);

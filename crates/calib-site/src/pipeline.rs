@@ -351,6 +351,8 @@ impl Site {
         // Points that determine the camera also determine its position, unless they contradict each other.
         let is_unplaced =
             first.is_from_points && first.fit.is_none() && result.solution.stage == Stage::Partial;
+        // One or two control points beside a mark do not determine a camera.
+        let is_unplaced = is_unplaced && points.len() > 2;
         if points.len() > 0 && (is_misfit || is_unplaced || camera.position.z < 0.0) {
             return match points.explanation(&options, &[]) {
                 Some(explanation) => Err(explanation.failure(entry)),
@@ -489,7 +491,7 @@ fn recount_redundancy(
     let used = points.len() as i64 - first.suspect_points.len() as i64;
     if used < 2 {
         if first.is_from_points && first.fit.is_none() {
-            // The reliability of every point of the mark is known after the joint solve.
+            // `add_reliabilities` reports unchecked points of the mark.
             findings.retain(|finding| finding.code() != Code::Unchecked);
         }
         return;

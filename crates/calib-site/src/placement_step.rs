@@ -50,7 +50,8 @@ impl Site {
         match &entry.placement {
             Some(placement) => {
                 let by_hand = placement.placement().apply(&first);
-                // The scale of a joint solve follows from evidence that is no longer used, or used twice.
+                // A scale from a joint solve is not independent evidence: its inputs are already used, or were
+                // deleted.
                 let has_no_evidence = placement.scale.is_none() || placement.estimated && height_is_known;
                 if has_no_evidence && !fixed {
                     let position = WorldPoint { z: first.position.z, ..by_hand.position };

@@ -55,10 +55,9 @@ impl UsedPoints {
         Self { position_sigmas: indices.iter().map(sigma).collect(), indices, points }
     }
 
-    /// Points of the mark with the most observations in the camera, at the position of the mark in the file. The
-    /// shape of the mark determines the orientation, the focal length and the height of the camera, wherever the
-    /// mark is.
-    pub(crate) fn of_mark(site: &Site, entry: &SiteCamera) -> Self {
+    /// Returns the points of the mark with the most observations in the camera, at its position in the file.
+    /// Orientation, focal length and height of the camera do not depend on that position.
+    pub(crate) fn from_mark(site: &Site, entry: &SiteCamera) -> Self {
         let points = |mark: &Mark| -> Vec<ControlPoint> {
             let shape = MarkShape {
                 kind: mark.kind,
@@ -119,7 +118,7 @@ impl UsedPoints {
 
     /// Returns the indices of the points that contradict a fit.
     pub(crate) fn suspects(&self, fit: &PointFit) -> Vec<usize> {
-        fit.outliers.iter().filter_map(|&outlier| self.indices.get(outlier)).copied().collect()
+        fit.outliers.iter().map(|&outlier| self.indices[outlier]).collect()
     }
 
     /// Returns the indices of the points that contradict the others, for a camera that its lines determine.

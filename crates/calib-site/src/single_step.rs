@@ -177,19 +177,25 @@ impl Site {
         let SingleInputs { entry, fixed, .. } = inputs;
         let points = UsedPoints::new(self, entry);
         let of_points = points.options(entry, inputs.lens_estimate.lens, fixed);
-        let marked = UsedPoints::of_mark(self, entry);
-        let of_mark = || marked.determined(&marked.options(entry, inputs.lens_estimate.lens, fixed));
-        let by_points = || inputs.is_open().then(|| points.determined(&of_points).or_else(of_mark)).flatten();
+        let marked = UsedPoints::from_mark(self, entry);
+        // The fit, and the control points that contradict it.
+        let by_control_points =
+            || points.determined(&of_points).map(|found| (points.suspects(&found), found));
+        let by_mark = || {
+            let options = marked.options(entry, inputs.lens_estimate.lens, fixed);
+            marked.determined(&options).map(|found| (Vec::new(), found))
+        };
+        let by_points = || inputs.is_open().then(|| by_control_points().or_else(by_mark)).flatten();
         if inputs.constraints.is_empty()
-            && let Some(found) = by_points()
+            && let Some((suspect_points, found)) = by_points()
         {
             let mut result = from_points(entry, &found);
-            // Redundancy of control points is counted when they place the camera.
+            // `recount_redundancy` counts the redundancy of control points after the placement.
             if points.len() == 0 && found.dof < 2 {
                 result.findings.push(Finding::UncheckedPoints { dof: found.dof });
             }
             let single = inputs.with_result(result, None);
-            return Ok(SingleFit { is_from_points: true, suspect_points: points.suspects(&found), ..single });
+            return Ok(SingleFit { is_from_points: true, suspect_points, ..single });
         }
         if inputs.has_lens_only() {
             let result = lens_only(entry, &inputs.lens_estimate);
@@ -211,12 +217,12 @@ impl Site {
         let entered = entry.priors(&inputs.lens_estimate.lens);
         let alone = by_lines(entered);
         let is_determined = alone.as_ref().is_ok_and(|(_, fit)| fit.determines_camera());
-        if let Some(found) = if is_determined { None } else { by_points() }
+        if let Some((suspect_points, found)) = if is_determined { None } else { by_points() }
             && let Ok((result, fit)) = by_lines(priors_from(&found.camera, 1.0, &entered))
         {
             return Ok(SingleFit {
                 is_from_points: true,
-                suspect_points: points.suspects(&found),
+                suspect_points,
                 ..inputs.with_result(result, Some(fit))
             });
         }

@@ -40,7 +40,17 @@ impl Units {
     /// text is not a length. Examples: `1.75`, `1,75 m`, `175 cm`, `5 ft 9 in`, `5' 9"`, `69 in`.
     #[must_use]
     pub fn parse_length(self, text: &str) -> Option<f64> {
-        let text = text.trim().to_lowercase().replace(['\u{2212}', '\u{2013}'], "-").replace(',', ".");
+        let text = text.trim().to_lowercase().replace(['\u{2212}', '\u{2013}'], "-");
+        let text =
+            text.replace('\u{2019}', "'").replace('\u{201d}', "\"").replace("ft.", "ft").replace("in.", "in");
+        // 1,000 is a thousand or one.
+        let is_ambiguous = text.split_once(',').is_some_and(|(_, digits)| {
+            self == Self::Feet && digits.len() == 3 && digits.chars().all(|c| c.is_ascii_digit())
+        });
+        if is_ambiguous {
+            return None;
+        }
+        let text = text.replace(',', ".");
         let (sign, text) = text.strip_prefix('-').map_or((1.0, text.as_str()), |rest| (-1.0, rest));
         let mut sum = 0.0;
         let mut rest = text.trim_start();
@@ -176,12 +186,14 @@ mod tests {
     #[test]
     fn typed_lengths_have_units() {
         let feet = |text: &str| Units::Feet.parse_length(text).map(|metres| (metres * 1e4).round() / 1e4);
-        for text in ["5 ft 9 in", "5' 9\"", "5'9", "5.75", "5,75 ft", "69 in", "1.7526 m", "175.26 cm"] {
+        for text in
+            ["5 ft 9 in", "5' 9\"", "5'9", "5.75", "5,75 ft", "69 in", "1.7526 m", "175.26 cm", "5 ft. 9 in."]
+        {
             assert_eq!(feet(text), Some(1.7526), "{text}");
         }
         assert_eq!(feet("-2 ft"), Some(-0.6096));
         assert_eq!(Units::Metres.parse_length("1,75"), Some(1.75));
-        for text in ["", "ft", "5 yards", "1 2", "9 in 5 ft", "1..2", "1e3", "5' 9\" 3"] {
+        for text in ["", "ft", "5 yards", "1 2", "9 in 5 ft", "1..2", "1e3", "5' 9\" 3", "1,000"] {
             assert_eq!(feet(text), None, "{text}");
         }
     }

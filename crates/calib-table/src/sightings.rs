@@ -121,8 +121,9 @@ impl SightingColumns {
                 self.boxes.are_normalised(&columns, &values, calibrations, self.bad.wording())?;
             return Ok(Detections::Boxes { form: columns.form, values, are_fractions });
         }
-        if self.columns == Columns::Boxes || self.boxes.is_stated() {
-            // The columns of boxes are not complete, so this names the missing ones.
+        let are_boxes = self.columns == Columns::Boxes || self.boxes.is_stated();
+        if are_boxes && self.columns != Columns::Points {
+            // The columns of boxes are incomplete: `numbers` reports the missing ones.
             let values = numbers(batch, ["x", "y", "w", "h"], BOXES, row_name, &self.bad)?;
             return Ok(Detections::Boxes { form: BoxForm::CornerSize, values, are_fractions: false });
         }

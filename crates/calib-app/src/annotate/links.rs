@@ -290,7 +290,7 @@ fn joint_residual(app: &App, ui: &mut Ui, link: usize, camera: &str) {
     let mut said = if drawn.is_empty() { "px".to_owned() } else { format!("px off. {drawn}") };
     let view = site.cameras.iter().position(|entry| entry.id == camera);
     if view.is_some_and(|view| app.editor.session().solved.is_link_unchecked(site, link, view)) {
-        said += ". Nothing checks this click: link one more point with the same camera.";
+        said += ". A wrong click here cannot be detected. Link one more point with the same camera.";
     }
     ui.label(RichText::new(format!("{:.1}", residual.px)).small().color(colour)).on_hover_text(said);
 }

@@ -171,11 +171,11 @@ pub(crate) fn steps_ui(app: &mut App, ui: &mut Ui) {
         .session()
         .entry()
         .is_some_and(|entry| entry.image.is_some() && entry.annotations.is_empty());
-    // With a plan, a few known points are the shortest way.
+    // With a plan, control points need the fewest clicks.
     let point_tool = TOOLS.iter().position(|tool| tool.title == "Control point");
     if let Some(tool) = point_tool.filter(|_| is_blank && app.editor.session().site.plan.is_some())
         && ui
-            .button("Click known points   C")
+            .button("Click control points   C")
             .on_hover_text("Click a point in the image, then the same point on the plan. Four points calibrate a camera without lines.")
             .clicked()
     {

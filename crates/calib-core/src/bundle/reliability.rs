@@ -8,8 +8,7 @@
 //!
 //! - It changes the residuals of the observation by `R e` with `R = I - A C A'`. The **redundancy number** of a
 //!   single row is R itself, from 0 (not checked by other observations) to 1. The redundancy numbers of all
-//!   rows, priors included, add up to the degrees of freedom. For two rows, an error in one direction may be
-//!   checked and an error in another not. The redundancy number of the observation is then `e' R e / e' e` for
+//!   rows, priors included, add up to the degrees of freedom. For two rows, other observations may check an error in one direction, but not in another. The redundancy number of the observation is then `e' R e / e' e` for
 //!   the direction of the error that moves the floor most.
 //! - It moves the unknowns by `C A' e`. With the mean `W` of `F'F` over points of the floor, where `F` is the
 //!   Jacobian of a floor point, it moves the floor by `sqrt(e' G e)` metres with `G = A C W C A'`.
@@ -148,11 +147,11 @@ impl Network<'_, '_> {
             let moves = self.moves(view, rows);
             let floor = moves.transpose() * &self.floors[view] * &moves;
             let found = Undetected::new(&residuals, &floor, largest_error);
-            let height = self.converged.camera(view).position.z.abs();
-            worst.is_checked &= !is_unchecked(found.redundancy, found.length, height);
             worst.redundancy = worst.redundancy.min(found.redundancy);
             worst.undetectable = worst.undetectable.max(found.length * inflation[own]);
         }
+        let height = self.converged.camera(own).position.z;
+        worst.is_checked = !is_unchecked(worst.redundancy, worst.undetectable, height);
         worst
     }
 
@@ -231,7 +230,7 @@ impl Undetected {
         let along = match r.nrows() {
             1 => r[(0, 0)],
             _ if square > 0.0 => (x * x * r[(0, 0)] + 2.0 * x * y * r[(0, 1)] + y * y * r[(1, 1)]) / square,
-            // An error in any direction leaves the floor in its place.
+            // No error of this observation moves the floor.
             _ => 0.5 * r.trace(),
         };
         let length = DETECTABLE * largest.max(0.0).sqrt();

@@ -91,8 +91,8 @@ impl PointFit {
     pub fn new(points: &[ControlPoint], options: &PointFitOptions) -> Option<Self> {
         /// Number of starts that are refined.
         const MAX_REFINED: usize = 8;
-        /// Largest difference of Cauchy's loss from the least one. A chi-square that the points do not rule
-        /// out differs by less.
+        /// Largest difference of Cauchy's loss from the least one. Two poses that the points do not
+        /// distinguish differ by less.
         const MAX_LOSS_DIFFERENCE: f64 = 10.0;
         let problem = Problem::new(points, options);
         let mut minima: Vec<Minimum> = Vec::new();
@@ -100,7 +100,7 @@ impl PointFit {
         for start in problem.best_starts(MAX_REFINED) {
             let Some(consensus) = problem.consensus(&start, &consensuses) else { continue };
             consensuses.push(consensus);
-            // A clearly larger loss is another pose, which the points rule out.
+            // A minimum with a clearly larger loss is a wrong pose.
             let least = minima.iter().map(|known| known.loss).fold(f64::INFINITY, f64::min);
             if problem.loss_below(&consensus, least + MAX_LOSS_DIFFERENCE).is_none() {
                 continue;

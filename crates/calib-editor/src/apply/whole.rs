@@ -49,9 +49,9 @@ impl Editor {
 impl Editor {
     pub(super) fn open(&mut self, opened: Opened) {
         let Opened { site, images, path, is_unsaved } = opened;
-        let (units, snap) = (self.session.site.units, self.session.tool.snap);
+        let snap = self.session.tool.snap;
         self.session = Session::new(site, images, path);
-        (self.session.site.units, self.session.tool.snap) = (units, snap);
+        self.session.tool.snap = snap;
         self.session.revision.generation = u64::from(is_unsaved);
         (self.compared_site, self.error, self.family, self.replaced_image) = (None, None, None, None);
         self.preview = None;
