@@ -8,8 +8,9 @@
 //!
 //! - It changes the residuals of the observation by `R e` with `R = I - A C A'`. The **redundancy number** of a
 //!   single row is R itself, from 0 (not checked by other observations) to 1. The redundancy numbers of all
-//!   rows, priors included, add up to the degrees of freedom. For two rows, other observations may check an error in one direction, but not in another. The redundancy number of the observation is then `e' R e / e' e` for
-//!   the direction of the error that moves the floor most.
+//!   rows, priors included, add up to the degrees of freedom. For two rows, other observations may check an
+//!   error in one direction, but not in another. The redundancy number of the observation is then
+//!   `e' R e / e' e` for the direction of the error that moves the floor most.
 //! - It moves the unknowns by `C A' e`. With the mean `W` of `F'F` over points of the floor, where `F` is the
 //!   Jacobian of a floor point, it moves the floor by `sqrt(e' G e)` metres with `G = A C W C A'`.
 //!
