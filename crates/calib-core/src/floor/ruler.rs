@@ -229,8 +229,12 @@ mod tests {
         Some([[0.0; Covariance::SIZE]; Covariance::SIZE])
     }
 
+    /// Returns the observation of a point; `None` if its pixel is outside any image. Far outside, a change of one
+    /// pixel is below the rounding error.
     fn sees(camera: &Camera, index: usize, at: WorldPoint) -> Option<RulerPoint> {
-        let pixel = camera.world_to_pixel(at)?;
+        const LARGEST_SIDE: f64 = 65_536.0;
+        let is_in_image = |pixel: &Pixel| pixel.u.abs().max(pixel.v.abs()) < LARGEST_SIDE;
+        let pixel = camera.world_to_pixel(at).filter(is_in_image)?;
         Some(RulerPoint { camera: index, pixel, height: at.z, sigma: 1.0 })
     }
 
