@@ -6,6 +6,7 @@ use arrow_array::RecordBatch;
 use calib_core::floor::BoxForm;
 
 use crate::calibrations::Calibrations;
+use crate::columns::{BadCells, RowName, numbers};
 use crate::table_error::TableError;
 use crate::wording::Wording;
 
@@ -71,6 +72,19 @@ pub struct Boxes {
     columns_note: OnceLock<String>,
     /// Note about fractions of the stream.
     fractions_note: OnceLock<String>,
+}
+
+/// Columns of boxes, for messages.
+pub(crate) const BOXES: &str = "x,y,w,h or x1,y1,x2,y2";
+
+/// Columns of feet or boxes, for messages.
+pub(crate) const FEET_OR_BOXES: &str = "u,v, or x,y,w,h or x1,y1,x2,y2 for boxes";
+
+/// Boxes of a batch, column by column, in pixels or as fractions of the stream.
+pub(crate) struct BoxValues {
+    pub(crate) form: BoxForm,
+    pub(crate) values: [Vec<f64>; 4],
+    pub(crate) are_fractions: bool,
 }
 
 /// Columns of the boxes in a batch.
@@ -140,12 +154,30 @@ impl Boxes {
         Some(BoxColumns { names, form, is_default: stated.is_none() && form == BoxForm::CornerSize })
     }
 
+    /// Reads the boxes in these columns.
+    ///
+    /// # Errors
+    ///
+    /// Fails if a cell is invalid, or if the numbers show that another form is meant.
+    pub(crate) fn read(
+        &self,
+        batch: &RecordBatch,
+        columns: &BoxColumns,
+        calibrations: &Calibrations,
+        (row_name, bad): (RowName<'_>, &BadCells),
+    ) -> Result<BoxValues, TableError> {
+        let names = columns.names.each_ref().map(String::as_str);
+        let values = numbers(batch, names, BOXES, row_name, bad)?;
+        let are_fractions = self.are_normalised(columns, &values, calibrations, bad.wording())?;
+        Ok(BoxValues { form: columns.form, values, are_fractions })
+    }
+
     /// Decides whether the numbers of the boxes are fractions of the stream, from the first batch with boxes.
     ///
     /// # Errors
     ///
     /// Fails if the numbers show that another form is meant.
-    pub(crate) fn are_normalised(
+    fn are_normalised(
         &self,
         columns: &BoxColumns,
         values: &[Vec<f64>; 4],

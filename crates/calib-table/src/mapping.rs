@@ -12,7 +12,7 @@ use arrow_schema::{Field, Schema};
 use calib_core::floor::{StreamMap, SurfacePoint, TangentPlane};
 use calib_core::{FloorCovariance, Pixel, Status, SurfaceProjector, WorldPoint};
 
-use crate::boxes::{BoxColumns, Boxes};
+use crate::boxes::{BOXES, BoxColumns, BoxValues, Boxes, FEET_OR_BOXES};
 use crate::calibrations::{Calibration, Calibrations, Choice, Planes};
 use crate::columns::{BadCells, RowName, names, numbers};
 use crate::table_error::TableError;
@@ -280,7 +280,7 @@ impl Mapping {
             Columns::Points => (["u", "v"], "u,v"),
             Columns::Boxes => (["x", "y"], BOXES),
             Columns::Auto if self.boxes.is_stated() => (["x", "y"], BOXES),
-            Columns::Auto => (["u", "v"], "u,v, or x,y,w,h or x1,y1,x2,y2 for boxes"),
+            Columns::Auto => (["u", "v"], FEET_OR_BOXES),
         };
         if names == ["u", "v"] {
             return numbers(batch, names, expected, row_name, &self.bad);
@@ -297,19 +297,15 @@ impl Mapping {
         calibrations: &Calibrations,
         row_name: RowName<'_>,
     ) -> Result<Points, TableError> {
-        let names = columns.names.each_ref().map(String::as_str);
-        let values = numbers(batch, names, BOXES, row_name, &self.bad)?;
-        let are_fractions = self.boxes.are_normalised(columns, &values, calibrations, self.bad.wording())?;
+        let BoxValues { form, values, are_fractions } =
+            self.boxes.read(batch, columns, calibrations, (row_name, &self.bad))?;
         let [mut a, mut b, c, d] = values;
         for row in 0..a.len() {
-            [a[row], b[row]] = columns.form.foot([a[row], b[row], c[row], d[row]]);
+            [a[row], b[row]] = form.foot([a[row], b[row], c[row], d[row]]);
         }
         Ok(Points { a, b, c: Vec::new(), are_fractions })
     }
 }
-
-/// Columns of boxes, for messages.
-pub(crate) const BOXES: &str = "x,y,w,h or x1,y1,x2,y2";
 
 /// Input points, column by column: u, v in pixels of the stream, or x, y, z in metres; NaN for missing
 /// values.

@@ -6,11 +6,11 @@ use calib_core::Pixel;
 use calib_core::floor::BoxForm;
 use calib_health::Sighting;
 
-use crate::boxes::Boxes;
+use crate::boxes::{BOXES, BoxValues, Boxes, FEET_OR_BOXES};
 use crate::calibrations::{Calibrations, Choice};
 use crate::cast::texts;
 use crate::columns::{BadCells, RowName, column, names, numbers};
-use crate::mapping::{BOXES, Columns, Rows};
+use crate::mapping::{Columns, Rows};
 use crate::table_error::TableError;
 
 /// Usual names of a column with the camera, in order of preference.
@@ -115,20 +115,17 @@ impl SightingColumns {
             Columns::Auto | Columns::Boxes => self.boxes.columns(batch),
         };
         if let Some(columns) = columns {
-            let names = columns.names.each_ref().map(String::as_str);
-            let values = numbers(batch, names, BOXES, row_name, &self.bad)?;
-            let are_fractions =
-                self.boxes.are_normalised(&columns, &values, calibrations, self.bad.wording())?;
-            return Ok(Detections::Boxes { form: columns.form, values, are_fractions });
+            let found = self.boxes.read(batch, &columns, calibrations, (row_name, &self.bad))?;
+            return Ok(Detections::Boxes(found));
         }
         let are_boxes = self.columns == Columns::Boxes || self.boxes.is_stated();
         if are_boxes && self.columns != Columns::Points {
             // The columns of boxes are incomplete: `numbers` reports the missing ones.
             let values = numbers(batch, ["x", "y", "w", "h"], BOXES, row_name, &self.bad)?;
-            return Ok(Detections::Boxes { form: BoxForm::CornerSize, values, are_fractions: false });
+            let form = BoxForm::CornerSize;
+            return Ok(Detections::Boxes(BoxValues { form, values, are_fractions: false }));
         }
-        let expected =
-            if self.columns == Columns::Auto { "u,v, or x,y,w,h or x1,y1,x2,y2 for boxes" } else { "u,v" };
+        let expected = if self.columns == Columns::Auto { FEET_OR_BOXES } else { "u,v" };
         Ok(Detections::Feet(numbers(batch, ["u", "v"], expected, row_name, &self.bad)?))
     }
 
@@ -151,7 +148,7 @@ impl SightingColumns {
 
 /// Boxes or foot points of a batch, column by column, in pixels or as fractions of the stream.
 enum Detections {
-    Boxes { form: BoxForm, values: [Vec<f64>; 4], are_fractions: bool },
+    Boxes(BoxValues),
     Feet([Vec<f64>; 2]),
 }
 
@@ -164,13 +161,13 @@ struct Detection {
 
 impl Detections {
     const fn are_fractions(&self) -> bool {
-        matches!(self, Self::Boxes { are_fractions: true, .. })
+        matches!(self, Self::Boxes(BoxValues { are_fractions: true, .. }))
     }
 
     /// Returns the detection of a row. `size` is the width and height of the stream, in pixels.
     fn at(&self, row: usize, size: [f64; 2]) -> Detection {
         match self {
-            Self::Boxes { form, values: [a, b, c, d], are_fractions } => {
+            Self::Boxes(BoxValues { form, values: [a, b, c, d], are_fractions }) => {
                 let [sx, sy] = if *are_fractions { size } else { [1.0; 2] };
                 let numbers = [sx * a[row], sy * b[row], sx * c[row], sy * d[row]];
                 let [_, top, width, _] = form.corner_and_size(numbers);
