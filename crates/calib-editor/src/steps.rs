@@ -183,7 +183,7 @@ fn lens_state(session: &Session, camera: usize) -> (String, bool) {
     (from, (is_fitted && !is_vague) || like.is_some())
 }
 
-/// Returns a text about the placement of a camera, or about the way to place it.
+/// Describes the placement of a camera, or how to place it.
 fn placement_state(session: &Session, camera: usize) -> String {
     let solution = session.solved.solution(camera).filter(|solution| solution.stage >= Stage::Placed);
     let Some(entry) = session.site.cameras.get(camera) else { return String::new() };

@@ -312,7 +312,7 @@ fn draw_north(svg: &mut Svg, site: &Site, scale: &PlanScale, [w, _]: [f64; 2]) {
     svg.ink([x, y + 0.35 * style::TEXT * svg.scale], name, Rgb::INK, Anchor::Middle);
 }
 
-/// Draws a bar of a round length with its length.
+/// Draws a scale bar of a round length in these units, with its label.
 fn draw_scale_bar(svg: &mut Svg, scale: &PlanScale, [w, h]: [f64; 2], units: Units) {
     let round = [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0];
     let round = round.map(|length| length * units.metres());

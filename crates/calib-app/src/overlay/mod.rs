@@ -383,7 +383,7 @@ fn diamond(painter: &Painter, at: Pos2, colour: Color32, is_filled: bool) {
     let corners = [[0.0, -6.0], [6.0, 0.0], [0.0, 6.0], [-6.0, 0.0], [0.0, -6.0]];
     let points: Vec<Pos2> = corners.iter().map(|&[x, y]| at + Vec2::new(x, y)).collect();
     if is_filled {
-        // The pixel below stays visible.
+        // The fill is translucent, so that the image stays visible.
         let fill = colour.gamma_multiply(0.4);
         painter.add(Shape::convex_polygon(points.clone(), fill, Stroke::NONE));
     }

@@ -61,7 +61,8 @@ impl MarkKind {
     }
 }
 
-/// Sports court or other marked rectangle of a known size, between the outer edges of its lines.
+/// Sports court or other marked rectangle of a known size. The size is between the outer edges of the lines,
+/// unless `source` states other edges.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Court {
     /// Name in menus.

@@ -180,15 +180,15 @@ impl<'a> Problem<'a> {
         focals
     }
 
-    /// Returns the `count` cameras with the least loss, in this order, of the cameras that show a triple of
-    /// points, for every triple and focal length.
+    /// Returns the `count` candidate cameras with the least loss, ascending by loss. The candidates are the
+    /// solutions of P3P for the triples of points and the focal lengths.
     fn best_starts(&self, count: usize) -> Vec<Camera> {
         /// Largest number of triples that are all used at every focal length.
         const MAX_TRIPLES_OF_EVERY_FOCAL: usize = 12;
         let triples = triples(self.points, &self.observed);
         let mut best: Vec<(f64, Camera)> = Vec::with_capacity(count + 1);
         let focals = self.focals();
-        // Neighbouring focal lengths are similar, so each has every second of many triples.
+        // Neighbouring focal lengths are similar, so each focal length uses every second triple of many.
         let step = if focals.len() > 1 && triples.len() > MAX_TRIPLES_OF_EVERY_FOCAL { 2 } else { 1 };
         for (index, &focal) in focals.iter().enumerate() {
             let own = triples.iter().skip(index % step).step_by(step);
@@ -235,8 +235,9 @@ impl<'a> Problem<'a> {
         p3p(&rays, &world).into_iter().map(camera).collect()
     }
 
-    /// Returns the reprojection error of a point, in scales of Cauchy's loss: three standard deviations. It is
-    /// infinite if the camera does not show the point. `rotation` is the rotation of the camera.
+    /// Returns the reprojection error of a point divided by the scale of Cauchy's loss, which is three standard
+    /// deviations. It is infinite if the camera does not show the point. `rotation` is the rotation of the
+    /// camera.
     fn scaled_error(&self, camera: &Camera, rotation: &[[f64; 3]; 3], index: usize) -> f64 {
         let ControlPoint { world, pixel, .. } = self.points[index];
         let WorldPoint { x, y, z } = camera.position;
@@ -493,7 +494,7 @@ impl LeastSquares for Problem<'_> {
     ) -> Option<(State, f64, f64)> {
         let mut damped = *square;
         damp_diagonal(&mut damped, damping);
-        let step = solved(&damped, gradient, &self.free);
+        let step = solve_normal_equations(&damped, gradient, &self.free);
         let gain = |i: usize| step[i] * (damping * square[i * POSE_PARAMS + i] * step[i] + gradient[i]);
         let predicted = (0..POSE_PARAMS).map(gain).sum();
         let size = step.iter().fold(0.0, |size: f64, by| size.max(by.abs()));
@@ -502,7 +503,7 @@ impl LeastSquares for Problem<'_> {
 }
 
 /// Solves the normal equations of the free parameters. The step of a fixed parameter is zero.
-fn solved(square: &Square, gradient: &Column, free: &[bool; POSE_PARAMS]) -> Column {
+fn solve_normal_equations(square: &Square, gradient: &Column, free: &[bool; POSE_PARAMS]) -> Column {
     let mut matrix = SMatrix::<f64, POSE_PARAMS, POSE_PARAMS>::from_row_slice(square);
     (0..POSE_PARAMS).filter(|&k| !free[k]).for_each(|k| matrix[(k, k)] = 1.0);
     if let Some(factor) = matrix.cholesky() {

@@ -270,7 +270,7 @@ const fn shared_advice(finding: &Finding) -> &'static str {
         F::UncheckedLinks { cameras, .. } if cameras.is_empty() => {
             "Click one more of its points, or draw a line."
         }
-        F::UncheckedLinks { .. } => "Link one more point with that camera, far from the others.",
+        F::UncheckedLinks { .. } => "Add one more link between these cameras, far from the others.",
         F::ElementOutlier { .. } => {
             "Check that it marks the same object in every camera. If it does, use it anyway (\"keep\")."
         }

@@ -160,7 +160,9 @@ impl SentenceContext<'_> {
             Units::Metres => {
                 " The ratio is 3.28: one of them seems to be in feet. Enter all lengths in metres (1 ft is 0.3048 m)."
             }
-            Units::Feet => " The ratio is 3.28: one of them seems to be in metres.",
+            Units::Feet => {
+                " The ratio is 3.28: one of them seems to be in metres. Enter all lengths in feet, or type the unit (1.75 m)."
+            }
         }
     }
 
