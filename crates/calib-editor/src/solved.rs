@@ -338,7 +338,7 @@ impl Solved {
     /// Whether a wrong click of a link in a camera may stay undetected, because there is no redundant link.
     #[must_use]
     pub fn is_link_unchecked(&self, site: &Site, link: usize, camera: usize) -> bool {
-        let id = site.links.get(link).and_then(|link| link.id.clone()).unwrap_or_else(|| link.to_string());
+        let Some(id) = site.links.get(link).map(|entry| entry.label(link)) else { return false };
         let (Some(solution), Some(pose)) = (self.solution(camera), self.pose(camera)) else { return false };
         let of_link =
             |residual: &&Residual| residual.of == ResidualOf::Link && residual.id.as_ref() == Some(&id);

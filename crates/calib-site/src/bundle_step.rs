@@ -118,18 +118,20 @@ impl Site {
         let members = members(&entries, single_fits);
         let planes = self.plane_priors();
         let shared = self.site_observations(single_fits, &planes, &|camera| members[camera].is_some());
-        adjust(&entries, &members, shared, planes)
+        adjust(&entries, &members, (shared, planes), true)
     }
 }
 
 /// Refines the lenses together with stage 1 by a bundle adjustment without landmarks. `entries` must include
-/// the owners of shared lenses.
+/// the owners of shared lenses. A draft needs no reliability.
 pub(crate) fn refine_lenses(
     entries: &[&SiteCamera],
     single_fits: &[Result<SingleFit, Failure>],
     planes: Vec<PlanePrior>,
+    with_reliability: bool,
 ) -> BundleResult {
-    adjust(entries, &members(entries, single_fits), SiteObservations::default(), planes)
+    let alone = (SiteObservations::default(), planes);
+    adjust(entries, &members(entries, single_fits), alone, with_reliability)
 }
 
 /// Returns the participating cameras; `None` for cameras that do not take part.
@@ -145,14 +147,15 @@ fn members<'a>(
 fn adjust(
     entries: &[&SiteCamera],
     members: &[Option<Member>],
-    shared: SiteObservations,
-    planes: Vec<PlanePrior>,
+    (shared, planes): (SiteObservations, Vec<PlanePrior>),
+    with_reliability: bool,
 ) -> BundleResult {
     let SiteObservations { landmarks, measurements, unused } = shared;
     let (sources, landmarks) = landmarks.into_iter().unzip();
     let (indices, distances) = measurements.into_iter().unzip();
     let cameras = bundle_cameras(entries, members);
-    let mut summary = BundleAdjustment { cameras, landmarks, distances, planes }.solve_checked();
+    let adjustment = BundleAdjustment { cameras, landmarks, distances, planes, with_reliability };
+    let mut summary = adjustment.solve_checked();
     for (estimate, member) in summary.cameras.iter_mut().zip(members) {
         let Some(member) = member else { continue };
         // An unconnected camera from points has no residuals here. Its result of stage 1 is kept.

@@ -8,7 +8,7 @@ use calib_core::camera::{
 use calib_core::floor::{ControlPoint, MarkShape, Placement, Surface, default_efov, efov_on_floor};
 use calib_core::single::{FixedParameters, PlanePrior, PrincipalPointPrior, Prior, Priors, SceneErrors};
 
-use crate::document::{ControlPointEntry, FixedEntry, Mark, PlacementEntry, Plan, Site, SiteCamera};
+use crate::document::{ControlPointEntry, FixedEntry, Link, Mark, PlacementEntry, Plan, Site, SiteCamera};
 use crate::principal_point::PrincipalPointEntry;
 use crate::scene::PlaneEntry;
 use crate::solution::{CovarianceEntry, DistortionEntry, Method, Sigmas, Solution, Stage};
@@ -113,6 +113,11 @@ impl Site {
     }
 }
 
+/// Returns the name of an entry in residuals: its id, otherwise its index in the list.
+fn label(id: Option<&String>, index: usize) -> String {
+    id.cloned().unwrap_or_else(|| index.to_string())
+}
+
 impl Mark {
     /// Returns the shape of the mark in world coordinates: as estimated, otherwise as entered.
     #[must_use]
@@ -121,7 +126,26 @@ impl Mark {
             Some(solution) => (solution.at_m, solution.turn_deg.unwrap_or(self.turn_deg)),
             None => (self.at_m, self.turn_deg),
         };
+        self.shape_at(at, turn_deg)
+    }
+
+    /// Returns the shape of the mark at a position, with a rotation in degrees.
+    pub(crate) fn shape_at(&self, at: WorldPoint, turn_deg: f64) -> MarkShape {
         MarkShape { kind: self.kind, at, turn: turn_deg.to_radians(), size: self.size_m.clone() }
+    }
+
+    /// Returns the name of the mark in residuals: its id, otherwise its index in the list.
+    #[must_use]
+    pub fn label(&self, index: usize) -> String {
+        label(self.id.as_ref(), index)
+    }
+}
+
+impl Link {
+    /// Returns the name of the link in residuals: its id, otherwise its index in the list.
+    #[must_use]
+    pub fn label(&self, index: usize) -> String {
+        label(self.id.as_ref(), index)
     }
 }
 
@@ -171,7 +195,7 @@ impl ControlPointEntry {
     /// camera.
     #[must_use]
     pub fn label(&self, index: usize) -> String {
-        self.id.clone().unwrap_or_else(|| index.to_string())
+        label(self.id.as_ref(), index)
     }
 
     /// Returns the control point with its world coordinates; `None` for a plan pixel without a plan, or for

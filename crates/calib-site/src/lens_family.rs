@@ -7,6 +7,7 @@ use crate::lens_cache::LensCache;
 use crate::options::Options;
 use crate::pipeline::Report;
 use crate::points_outside::SharedObservations;
+use crate::reliability::add_to_annotations;
 
 /// Returns the id of the camera that owns the lens of this camera.
 fn owner(camera: &SiteCamera) -> &str {
@@ -40,11 +41,14 @@ impl Site {
         let lenses = self.lenses(&entries, before);
         let shared = SharedObservations::new(self, &entries);
         let single_fits = self.single_fits(&entries, &lenses, &shared, &options);
-        let refined = refine_lenses(&entries, &single_fits, self.plane_priors()).cameras;
+        let refined = refine_lenses(&entries, &single_fits, self.plane_priors(), true);
         let mut report = Report::default();
         for (position, (&index, entry)) in family.iter().zip(&entries).enumerate() {
-            let refined = refined.get(position).and_then(Option::as_ref);
-            let result = self.finish(entry, &single_fits[position], refined, options.method, &shared);
+            let estimate = refined.cameras.get(position).and_then(Option::as_ref);
+            let mut result = self.finish(entry, &single_fits[position], estimate, options.method, &shared);
+            if let (Ok(result), Some(found)) = (&mut result, refined.annotation_reliabilities.get(position)) {
+                add_to_annotations(result, found);
+            }
             let (solution, findings) = self.to_document(index, result);
             report.cameras.push((index, solution));
             report.findings.push(findings);

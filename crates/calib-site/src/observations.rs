@@ -7,7 +7,6 @@ use crate::document::{ControlPointEntry, Link, LinkKind, Mark, Site, SiteCamera}
 use crate::single_step::SingleFit;
 use calib_core::bundle::{DistanceMeasurement, Landmark, LandmarkModel, Observation};
 use calib_core::camera::{Pixel, Plane, WorldPoint};
-use calib_core::floor::MarkShape;
 use calib_core::outcome::Failure;
 use calib_core::single::{Known, PlanePrior, Prior};
 
@@ -256,8 +255,7 @@ fn link_landmark(
 }
 
 fn mark_landmark(mark: &Mark, camera: &dyn Fn(&str) -> Option<usize>, noise: &[f64]) -> Landmark {
-    let unrotated =
-        MarkShape { kind: mark.kind, at: WorldPoint::default(), turn: 0.0, size: mark.size_m.clone() };
+    let unrotated = mark.shape_at(WorldPoint::default(), 0.0);
     let mut names: Vec<&str> = Vec::new();
     let mut points: Vec<[f64; 3]> = Vec::new();
     let mut observations = Vec::new();

@@ -94,7 +94,7 @@ impl Site {
         let bundle = match options.method {
             Method::Paper => BundleResult::default(),
             _ if is_joint => self.bundle_adjust(&single_fits),
-            _ => refine_lenses(&entries, &single_fits, self.plane_priors()),
+            _ => refine_lenses(&entries, &single_fits, self.plane_priors(), true),
         };
         let is_requested =
             |camera: &SiteCamera| options.cameras.as_ref().is_none_or(|ids| ids.contains(&camera.id));
@@ -159,7 +159,7 @@ impl Site {
             return single_fits;
         }
         if single_fits.iter().flatten().any(SingleFit::fits_lens) {
-            let drafts = refine_lenses(entries, &single_fits, self.plane_priors());
+            let drafts = refine_lenses(entries, &single_fits, self.plane_priors(), false);
             for (index, draft) in drafts.cameras.iter().enumerate() {
                 let own = single_fits[index].as_ref().ok().filter(|first| first.fit.is_some());
                 if let (Some(draft), Some(own)) = (draft, own) {
@@ -233,7 +233,8 @@ impl Site {
         entry.lens.get_or_insert_default().principal_point_px = Some(centre);
         let refined = |first: &SingleFit| {
             let fits = [Ok(first.clone())];
-            Some(refine_lenses(&[&entry], &fits, self.plane_priors()).cameras.into_iter().next()??.camera)
+            let drafts = refine_lenses(&[&entry], &fits, self.plane_priors(), false);
+            Some(drafts.cameras.into_iter().next()??.camera)
         };
         let keeps_all = SharedInputs { keeps_all: true, ..others };
         let first = self.fit_single(&entry, options, None, keeps_all).ok()?;
@@ -349,10 +350,11 @@ impl Site {
         let options = points.options(entry, first.lens_estimate.lens, first.fixed);
         let is_misfit = result.findings.iter().any(|finding| finding.code() == Code::Misfit);
         // Points that determine the camera also determine its position, unless they contradict each other.
-        let is_unplaced =
-            first.is_from_points && first.fit.is_none() && result.solution.stage == Stage::Partial;
-        // One or two control points beside a mark do not determine a camera.
-        let is_unplaced = is_unplaced && points.len() > 2;
+        // The camera of a mark may have one or two control points, which are too few for a position.
+        let is_unplaced = first.is_from_points
+            && first.fit.is_none()
+            && points.len() > 2
+            && result.solution.stage == Stage::Partial;
         if points.len() > 0 && (is_misfit || is_unplaced || camera.position.z < 0.0) {
             return match points.explanation(&options, &[]) {
                 Some(explanation) => Err(explanation.failure(entry)),

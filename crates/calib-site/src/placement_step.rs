@@ -108,14 +108,8 @@ impl Site {
                 continue;
             };
             result.solution.residuals.push(Residual {
-                of: ResidualOf::ControlPoint,
-                annotation: None,
-                segment: None,
                 id: Some(point.label(index)),
-                px: shown.distance(point.px),
-                outlier: false,
-                redundancy: None,
-                undetectable_m: None,
+                ..Residual::new(ResidualOf::ControlPoint, shown.distance(point.px))
             });
         }
         if !hidden.is_empty() && result.solution.stage > Stage::Partial {

@@ -5,7 +5,7 @@ use crate::camera_result::CameraResult;
 use crate::document::{Mark, Site, SiteCamera};
 use crate::solution::{Alternative, Method, Solution, Stage};
 use calib_core::camera::{Camera, Covariance, Lens, WorldPoint};
-use calib_core::floor::{ControlPoint, MarkShape, view_angle};
+use calib_core::floor::{ControlPoint, view_angle};
 use calib_core::optimize::is_misfit;
 use calib_core::outcome::{Failure, Finding, OtherMinimum};
 use calib_core::single::{
@@ -59,19 +59,14 @@ impl UsedPoints {
     /// Orientation, focal length and height of the camera do not depend on that position.
     pub(crate) fn from_mark(site: &Site, entry: &SiteCamera) -> Self {
         let points = |mark: &Mark| -> Vec<ControlPoint> {
-            let shape = MarkShape {
-                kind: mark.kind,
-                at: mark.at_m,
-                turn: mark.turn_deg.to_radians(),
-                size: mark.size_m.clone(),
-            };
+            let shape = mark.shape_at(mark.at_m, mark.turn_deg);
             let own = mark.seen.iter().filter(|seen| seen.camera == entry.id);
             own.filter_map(|seen| Some(ControlPoint { world: shape.point(&seen.point)?, pixel: seen.px }))
                 .collect()
         };
         let marks = site.marks.iter().filter(|mark| !mark.off);
         let points = marks.map(points).max_by_key(Vec::len).unwrap_or_default();
-        Self { indices: Vec::new(), position_sigmas: vec![0.0; points.len()], points }
+        Self { points, ..Self::default() }
     }
 
     /// Returns the inputs of a fit to the points.

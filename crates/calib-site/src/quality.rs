@@ -85,11 +85,6 @@ fn reprojection_error(landmark: &Landmark, seen: &Observation, camera: &Camera) 
     px.is_finite().then_some(px)
 }
 
-/// Returns the name of an entry: its id, otherwise its index in the list.
-fn name(id: Option<&String>, index: usize) -> String {
-    id.cloned().unwrap_or_else(|| index.to_string())
-}
-
 impl From<LandmarkSource> for Subject {
     fn from(source: LandmarkSource) -> Self {
         match source {
@@ -103,11 +98,11 @@ impl From<LandmarkSource> for Subject {
 impl Site {
     pub(crate) fn landmark_name(&self, of: LandmarkSource) -> (ResidualOf, String) {
         match of {
-            LandmarkSource::Link(i) => (ResidualOf::Link, name(self.links[i].id.as_ref(), i)),
-            LandmarkSource::Mark(i) => (ResidualOf::Mark, name(self.marks[i].id.as_ref(), i)),
+            LandmarkSource::Link(i) => (ResidualOf::Link, self.links[i].label(i)),
+            LandmarkSource::Mark(i) => (ResidualOf::Mark, self.marks[i].label(i)),
             LandmarkSource::ControlPoint { camera, point } => {
                 let entry = &self.cameras[camera].control_points[point];
-                (ResidualOf::ControlPoint, name(entry.id.as_ref(), point))
+                (ResidualOf::ControlPoint, entry.label(point))
             }
         }
     }
@@ -141,18 +136,9 @@ impl Site {
             }
             for (view, (sum, count)) in squares {
                 let Some(result) = by_camera.get_mut(&view) else { continue };
-                let (annotation, segment, px) = (None, None, f64::sqrt(sum / count));
                 let id = Some(id.clone());
-                result.solution.residuals.push(Residual {
-                    of: what,
-                    annotation,
-                    segment,
-                    id,
-                    px,
-                    outlier,
-                    redundancy: None,
-                    undetectable_m: None,
-                });
+                let residual = Residual::new(what, f64::sqrt(sum / count));
+                result.solution.residuals.push(Residual { id, outlier, ..residual });
             }
         }
     }

@@ -1,9 +1,9 @@
 //! Reliability of annotations, control points, links and marks in the result of every camera.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use calib_core::bundle::Reliability;
-use calib_core::outcome::{Failure, Finding, ResidualOf, Source, Subject};
+use calib_core::outcome::{Failure, Finding, Residual, ResidualOf, Source, is_unchecked};
 
 use crate::bundle_step::BundleResult;
 use crate::camera_result::CameraResult;
@@ -17,52 +17,58 @@ impl Site {
         bundle: &BundleResult,
         solutions: &mut [(usize, Result<CameraResult, Failure>)],
     ) {
-        for (camera, result) in solutions {
-            let Ok(result) = result else { continue };
-            for (source, reliability) in bundle.annotation_reliabilities.get(*camera).into_iter().flatten() {
-                add(result, *reliability, |of, annotation, _| {
-                    of == ResidualOf::Annotation && annotation == Some(*source)
-                });
-            }
-            let mut unchecked: Vec<usize> = Vec::new();
-            for (index, found) in bundle.landmark_reliabilities.iter().enumerate() {
-                let (what, id) = self.landmark_name(bundle.landmarks[index].0);
-                for (_, reliability) in found.iter().filter(|(view, _)| view == camera) {
-                    add(result, *reliability, |of, _, name| of == what && name == Some(&id));
-                    if !reliability.is_checked && what != ResidualOf::ControlPoint {
-                        unchecked.push(index);
-                    }
+        let mut by_camera: BTreeMap<usize, &mut CameraResult> = solutions
+            .iter_mut()
+            .filter_map(|(index, result)| Some((*index, result.as_mut().ok()?)))
+            .collect();
+        for (camera, result) in &mut by_camera {
+            let found = bundle.annotation_reliabilities.get(*camera);
+            found.iter().for_each(|found| add_to_annotations(result, found));
+        }
+        let mut unchecked: BTreeMap<usize, BTreeSet<usize>> = BTreeMap::new();
+        for (landmark, found) in bundle.landmark_reliabilities.iter().enumerate() {
+            let (what, id) = self.landmark_name(bundle.landmarks[landmark].0);
+            for (camera, reliability) in found {
+                let Some(result) = by_camera.get_mut(camera) else { continue };
+                let solution = &mut result.solution;
+                let is_own =
+                    |residual: &&mut Residual| residual.of == what && residual.id.as_ref() == Some(&id);
+                solution.residuals.iter_mut().filter(is_own).for_each(|residual| add(residual, *reliability));
+                let height = solution.position_m.map_or(0.0, |position| position.z);
+                let Reliability { redundancy, undetectable } = *reliability;
+                if what != ResidualOf::ControlPoint && is_unchecked(redundancy, undetectable, height) {
+                    unchecked.entry(*camera).or_default().insert(landmark);
                 }
             }
-            unchecked.dedup();
-            result.findings.extend(unchecked_links(bundle, *camera, &unchecked));
+        }
+        for (camera, landmarks) in unchecked {
+            let elements = landmarks.iter().map(|&index| bundle.landmarks[index].0.into()).collect();
+            let views = landmarks.iter().flat_map(|&index| bundle.landmarks[index].1.views());
+            let others: BTreeSet<usize> = views.filter(|&view| view != camera).collect();
+            let cameras = others.into_iter().collect();
+            if let Some(result) = by_camera.get_mut(&camera) {
+                result.findings.push(Finding::UncheckedLinks { elements, cameras });
+            }
         }
     }
 }
 
-/// Adds the reliability to the residuals for which `is_of` returns true. Several observations of one element
-/// have the least redundancy number and the largest undetectable move.
-fn add(
-    result: &mut CameraResult,
-    reliability: Reliability,
-    is_of: impl Fn(ResidualOf, Option<Source>, Option<&String>) -> bool,
-) {
+/// Adds the reliability of annotations to their residuals.
+pub(crate) fn add_to_annotations(result: &mut CameraResult, found: &[(Source, Reliability)]) {
     for residual in &mut result.solution.residuals {
-        let source = residual.annotation.zip(residual.segment);
-        let source = source.map(|(annotation, segment)| Source { annotation, segment });
-        if is_of(residual.of, source, residual.id.as_ref()) {
-            let redundancy = residual.redundancy.unwrap_or(1.0).min(reliability.redundancy);
-            let undetectable = residual.undetectable_m.unwrap_or(0.0).max(reliability.undetectable);
-            (residual.redundancy, residual.undetectable_m) = (Some(redundancy), Some(undetectable));
+        let Some((annotation, segment)) = residual.annotation.zip(residual.segment) else { continue };
+        let source = Source { annotation, segment };
+        // The list is ascending by source.
+        if let Ok(index) = found.binary_search_by_key(&source, |(source, _)| *source) {
+            add(residual, found[index].1);
         }
     }
 }
 
-/// Returns the finding about unchecked landmarks of a camera, given by their indices.
-fn unchecked_links(bundle: &BundleResult, camera: usize, unchecked: &[usize]) -> Option<Finding> {
-    let elements: Vec<Subject> = unchecked.iter().map(|&index| bundle.landmarks[index].0.into()).collect();
-    let views = unchecked.iter().flat_map(|&index| bundle.landmarks[index].1.views());
-    let others: BTreeSet<usize> = views.filter(|&view| view != camera).collect();
-    (!elements.is_empty())
-        .then(|| Finding::UncheckedLinks { elements, cameras: others.into_iter().collect() })
+/// Adds the reliability of one observation to a residual. For several observations of one element, the residual
+/// has the smallest redundancy number and the largest undetectable move.
+fn add(residual: &mut Residual, Reliability { redundancy, undetectable }: Reliability) {
+    let redundancy = residual.redundancy.unwrap_or(1.0).min(redundancy);
+    let undetectable = residual.undetectable_m.unwrap_or(0.0).max(undetectable);
+    (residual.redundancy, residual.undetectable_m) = (Some(redundancy), Some(undetectable));
 }

@@ -177,11 +177,11 @@ impl Site {
         let SingleInputs { entry, fixed, .. } = inputs;
         let points = UsedPoints::new(self, entry);
         let of_points = points.options(entry, inputs.lens_estimate.lens, fixed);
-        let marked = UsedPoints::from_mark(self, entry);
         // The fit, and the control points that contradict it.
         let by_control_points =
             || points.determined(&of_points).map(|found| (points.suspects(&found), found));
         let by_mark = || {
+            let marked = UsedPoints::from_mark(self, entry);
             let options = marked.options(entry, inputs.lens_estimate.lens, fixed);
             marked.determined(&options).map(|found| (Vec::new(), found))
         };
@@ -393,14 +393,10 @@ pub(crate) fn residual_entries(
     let mut list: Vec<Residual> = residuals
         .filter(|(_, px)| px.is_finite())
         .map(|(source, px)| Residual {
-            of: ResidualOf::Annotation,
             annotation: Some(source.annotation),
             segment: Some(source.segment),
-            id: None,
-            px,
             outlier: outliers.contains(&source),
-            redundancy: None,
-            undetectable_m: None,
+            ..Residual::new(ResidualOf::Annotation, px)
         })
         .collect();
     list.sort_by_key(|residual| (residual.annotation, residual.segment));

@@ -45,7 +45,7 @@ pub struct BundleSummary {
     pub cameras: Vec<Option<CameraEstimate>>,
     /// Landmarks at their estimated positions; rejected and unused landmarks are switched off.
     pub landmarks: Vec<Landmark>,
-    /// Reliability of the used annotations of every camera, ascending by source.
+    /// Reliability of the used annotations of every camera, ascending by source; empty if it is not computed.
     pub annotation_reliabilities: Vec<Vec<(Source, Reliability)>>,
     /// Reliability of the observations of every refined landmark, each with the index of its camera.
     pub landmark_reliabilities: Vec<Vec<(usize, Reliability)>>,
@@ -166,11 +166,11 @@ impl BundleSummary {
                 }
                 Observed::Landmark { landmark, observation } => {
                     let landmark = landmarks[landmark];
-                    let of_cluster = self.landmarks[landmark].observations.iter();
-                    let seen =
-                        of_cluster.filter(|seen| cluster.binary_search(&seen.view).is_ok()).nth(observation);
-                    let seen = seen.map(|seen| (seen.view, reliability));
-                    self.landmark_reliabilities[landmark].extend(seen);
+                    // The cluster has the observations by its own cameras only.
+                    let observations = self.landmarks[landmark].observations.iter();
+                    let mut own = observations.filter(|seen| cluster.binary_search(&seen.view).is_ok());
+                    let found = own.nth(observation).map(|seen| (seen.view, reliability));
+                    self.landmark_reliabilities[landmark].extend(found);
                 }
             }
         }
@@ -314,6 +314,8 @@ pub struct BundleAdjustment<'a> {
     pub distances: Vec<DistanceMeasurement>,
     /// Planes other than the floor; constraints and landmarks refer to them by index.
     pub planes: Vec<PlanePrior>,
+    /// Whether the reliability of every annotation and observation is computed.
+    pub with_reliability: bool,
 }
 
 /// Invalid index or standard deviation in an adjustment.
@@ -425,7 +427,9 @@ impl BundleAdjustment<'_> {
         for cluster in clusters(&self.cameras, &summary.components, &summary.unreached) {
             self.refine(&cluster, &poses, &mut summary);
         }
-        self.add_lone_reliabilities(&poses, &mut summary);
+        if self.with_reliability {
+            self.add_single_reliabilities(&poses, &mut summary);
+        }
         summary
     }
 
@@ -448,6 +452,7 @@ impl BundleAdjustment<'_> {
             copies,
             planes: self.planes.clone(),
             noise_is_known: cluster.iter().map(|&camera| self.cameras[camera].noise_is_known).collect(),
+            with_reliability: self.with_reliability,
         };
         match refinement.solve() {
             Some(refined) => {
@@ -461,9 +466,8 @@ impl BundleAdjustment<'_> {
         }
     }
 
-    /// Adds the reliability of the annotations of the cameras that are not refined, because stage 1 is their
-    /// result.
-    fn add_lone_reliabilities(&self, poses: &[Camera], summary: &mut BundleSummary) {
+    /// Adds the reliability of the annotations of cameras that have only a result of stage 1.
+    fn add_single_reliabilities(&self, poses: &[Camera], summary: &mut BundleSummary) {
         for camera in 0..self.cameras.len() {
             let is_solved = summary.cameras[camera].is_some() || summary.unsolved.contains(&camera);
             let has_shared_lens = self.cameras[camera].lens_owner(camera) != camera;
@@ -477,6 +481,7 @@ impl BundleAdjustment<'_> {
                 copies: Copies::new(&[], &[]),
                 planes: self.planes.clone(),
                 noise_is_known: vec![self.cameras[camera].noise_is_known],
+                with_reliability: true,
             };
             summary.add_reliabilities(&refinement.reliabilities(), &[camera], &[]);
         }

@@ -229,6 +229,8 @@ pub(crate) struct Refinement<'a> {
     pub(crate) planes: Vec<PlanePrior>,
     /// Views whose noise was given. If it was given for all views, the chi-square is a test of the fit.
     pub(crate) noise_is_known: Vec<bool>,
+    /// Whether the reliability of every annotation and observation is computed.
+    pub(crate) with_reliability: bool,
 }
 
 /// Minimum of the adjustment after the rejection of gross outliers.
@@ -263,7 +265,7 @@ impl Refinement<'_> {
         Some(self.finish(converged, rejected))
     }
 
-    /// Returns the reliability of every annotation and observation with nothing rejected.
+    /// Returns the reliability of every annotation and observation. No outlier is rejected.
     pub(crate) fn reliabilities(&self) -> Vec<(Observed, Reliability)> {
         let found = self.solve_without(&[], None).and_then(|mut converged| {
             let covariance = converged.covariance.take().or_else(|| converged.covariance())?;
@@ -481,12 +483,14 @@ impl Refinement<'_> {
         let spread = if inflation > 1.0 { inflation.sqrt() * student_factor(*dof) } else { 1.0 };
         let mut cameras: Vec<Camera> = (0..problem.views.len()).map(|view| converged.camera(view)).collect();
         let mut pairs = Vec::new();
-        let mut found = Vec::new();
+        let mut reliability = Vec::new();
         if let Some(covariance) = &covariance {
             // Given noise is not scaled.
             let factors: Vec<f64> =
                 self.noise_is_known.iter().map(|&known| if known { 1.0 } else { spread }).collect();
-            found = reliabilities(&converged, covariance, &factors);
+            if self.with_reliability {
+                reliability = reliabilities(&converged, covariance, &factors);
+            }
             let between = converged.covariance_between_cameras();
             let (inflation, between) = (&factors[..], between.as_ref());
             let marginals = Marginals { problem, covariance, cameras: &cameras, inflation, between };
@@ -507,7 +511,7 @@ impl Refinement<'_> {
             residuals,
             planes: converged.planes(covariance.as_ref(), spread * spread),
             pairs,
-            reliabilities: found,
+            reliabilities: reliability,
         }
     }
 }

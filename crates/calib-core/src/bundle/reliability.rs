@@ -20,14 +20,13 @@
 
 use std::collections::HashMap;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix2};
 
 use crate::bundle::camera::CAMERA_PARAMS;
 use crate::bundle::converged::Converged;
 use crate::bundle::residuals::ResidualKind;
 use crate::camera::{Camera, Covariance, FloorDerivatives, Pixel};
 use crate::optimize::BlockCovariance;
-use crate::outcome::is_unchecked;
 use crate::single::Source;
 
 /// Smallest detectable error of an observation with full redundancy, in standard deviations: level 0.1 % and
@@ -41,10 +40,9 @@ pub struct Reliability {
     /// floor most.
     pub redundancy: f64,
     /// Largest root mean square move of the floor, in metres, by an error of this observation that is not
-    /// detected. It is the maximum over the cameras that depend on the observation.
+    /// detected: for an annotation the floor of its camera, for a landmark the largest move of a camera that
+    /// observes it.
     pub undetectable: f64,
-    /// Whether an error that moves the floor by more than half of the camera height would be detected.
-    pub is_checked: bool,
 }
 
 /// Observation of a bundle problem.
@@ -91,16 +89,16 @@ pub(crate) fn reliabilities(
     let floors: Vec<DMatrix<f64>> = (0..views).map(|view| floor_weight(converged, view)).collect();
     let mut network = Network { converged, covariance, blocks: HashMap::new(), floors };
     let mut found: Vec<(Observed, Reliability)> = Vec::with_capacity(rows.len());
-    let mut of = None;
+    let mut last_owner = None;
     for (observed, rows) in rows {
         // Observations of one landmark share blocks of the covariance.
         let owner = match observed {
             Observed::Annotation { view, .. } => (false, view),
             Observed::Landmark { landmark, .. } => (true, landmark),
         };
-        if of != Some(owner) {
+        if last_owner != Some(owner) {
             network.blocks.clear();
-            of = Some(owner);
+            last_owner = Some(owner);
         }
         found.push((observed, network.reliability(observed, &rows, inflation)));
     }
@@ -120,7 +118,8 @@ struct Network<'a, 'b> {
 
 impl Network<'_, '_> {
     fn reliability(&mut self, observed: Observed, rows: &Rows, inflation: &[f64]) -> Reliability {
-        let problem = &self.converged.problem;
+        let converged = self.converged;
+        let problem = &converged.problem;
         let (own, sigma, views) = match observed {
             Observed::Annotation { view, source } => {
                 (view, problem.views[view].stage_1.sigma_of(source), vec![view])
@@ -143,16 +142,14 @@ impl Network<'_, '_> {
         }
         let [width, height] = problem.views[own].size;
         let largest_error = width.hypot(height) / sigma;
-        let mut worst = Reliability { redundancy: 1.0, undetectable: 0.0, is_checked: true };
+        let mut worst = Reliability { redundancy: 1.0, undetectable: 0.0 };
         for view in views {
             let moves = self.moves(view, rows);
             let floor = moves.transpose() * &self.floors[view] * &moves;
-            let found = Undetected::new(&residuals, &floor, largest_error);
+            let Some(found) = Undetected::new(&residuals, &floor, largest_error) else { continue };
             worst.redundancy = worst.redundancy.min(found.redundancy);
             worst.undetectable = worst.undetectable.max(found.length * inflation[own]);
         }
-        let height = self.converged.camera(own).position.z;
-        worst.is_checked = !is_unchecked(worst.redundancy, worst.undetectable, height);
         worst
     }
 
@@ -168,15 +165,16 @@ impl Network<'_, '_> {
     /// Returns the moves `C A'` of the parameters of a view, in the order of [`Covariance`], by a unit error
     /// of each row.
     fn moves(&mut self, view: usize, rows: &Rows) -> DMatrix<f64> {
-        let layout = *self.converged.problem.camera_layout(view);
-        let sizes = self.converged.problem.blocks.sizes.clone();
+        let converged = self.converged;
+        let problem = &converged.problem;
+        let layout = problem.camera_layout(view);
         let mut moves = DMatrix::zeros(CAMERA_PARAMS, rows.len());
         for (column, row) in rows.iter().enumerate() {
             let mut known: Vec<(usize, DVector<f64>)> = Vec::new();
             for (parameter, slot) in layout.iter().enumerate() {
                 let Some((block, index)) = *slot else { continue };
                 let at = known.iter().position(|(other, _)| *other == block).unwrap_or_else(|| {
-                    known.push((block, self.times_row(block, sizes[block], row)));
+                    known.push((block, self.times_row(block, problem.blocks.sizes[block], row)));
                     known.len() - 1
                 });
                 moves[(parameter, column)] = known[at].1[index];
@@ -201,42 +199,30 @@ struct Undetected {
 }
 
 impl Undetected {
-    /// Maximises `e' G e` under `e' R e <= DETECTABLE^2` and about `|e| <= largest_error`. R and G are 1 x 1
-    /// or 2 x 2.
+    /// Maximises `e' G e` under `e' R e <= DETECTABLE^2` and, approximately, `|e| <= largest_error`. R and G are
+    /// 1 x 1 or 2 x 2.
     ///
-    /// The bounds are joined to `e' (R + b I) e <= DETECTABLE^2` with `b = (DETECTABLE / largest_error)^2`.
-    /// The maximum then belongs to the largest eigenvalue of `(R + b I)^-1 G`.
-    fn new(r: &DMatrix<f64>, g: &DMatrix<f64>, largest_error: f64) -> Self {
+    /// The bounds are joined to `e' S e <= DETECTABLE^2` with `S = R + (DETECTABLE / largest_error)^2 I`. With the
+    /// Cholesky factor L in `S = L L'` and `e = L'^-1 y`, the maximum belongs to the largest eigenvalue of
+    /// `L^-1 G L'^-1`, and y is its eigenvector.
+    fn new(r: &DMatrix<f64>, g: &DMatrix<f64>, largest_error: f64) -> Option<Self> {
+        // The second row of an observation with one row is checked, and moves nothing.
+        let entry = |matrix: &DMatrix<f64>, i: usize, j: usize| matrix.get((i, j)).copied();
+        let r2 = Matrix2::from_fn(|i, j| entry(r, i, j).unwrap_or(if i == j { 1.0 } else { 0.0 }));
+        let g2 = Matrix2::from_fn(|i, j| entry(g, i, j).unwrap_or(0.0));
         let bound = (DETECTABLE / largest_error).powi(2);
-        // R is positive semidefinite but for rounding errors.
-        let diagonal = |i: usize| r[(i, i)].max(0.0) + bound;
-        let (largest, direction) = if r.nrows() == 1 {
-            (g[(0, 0)] / diagonal(0), [1.0, 0.0])
+        let factor = (r2 + Matrix2::identity() * bound).cholesky()?.l();
+        let inverse = factor.try_inverse()?;
+        let eigen = (inverse * g2 * inverse.transpose()).symmetric_eigen();
+        let (index, largest) = eigen.eigenvalues.argmax();
+        let direction = inverse.transpose() * eigen.eigenvectors.column(index);
+        // If no error moves the floor, all directions are equal.
+        let redundancy = if largest > 0.0 {
+            (direction.transpose() * r2 * direction).x / direction.norm_squared()
         } else {
-            let [a, b, c] = [diagonal(0), r[(0, 1)], diagonal(1)];
-            let determinant = (a * c - b * b).max(bound * bound);
-            let m = |i: usize, j: usize| {
-                let row = if i == 0 { [c, -b] } else { [-b, a] };
-                (row[0] * g[(0, j)] + row[1] * g[(1, j)]) / determinant
-            };
-            let half = 0.5 * (m(0, 0) + m(1, 1));
-            let spread = (half * half - (m(0, 0) * m(1, 1) - m(0, 1) * m(1, 0))).max(0.0).sqrt();
-            let largest = half + spread;
-            let [first, second] = [[m(0, 1), largest - m(0, 0)], [largest - m(1, 1), m(1, 0)]];
-            let is_first_longer = first[0].hypot(first[1]) >= second[0].hypot(second[1]);
-            (largest, if is_first_longer { first } else { second })
+            r.trace() / r.nrows() as f64
         };
-        let square = direction[0].powi(2) + direction[1].powi(2);
-        let [x, y] = direction;
-        let along = match r.nrows() {
-            1 => r[(0, 0)],
-            _ if square > 0.0 => (x * x * r[(0, 0)] + 2.0 * x * y * r[(0, 1)] + y * y * r[(1, 1)]) / square,
-            // No error of this observation moves the floor.
-            _ => 0.5 * r.trace(),
-        };
-        let length = DETECTABLE * largest.max(0.0).sqrt();
-        let length = if length.is_finite() { length } else { 0.0 };
-        Self { length, redundancy: along.clamp(0.0, 1.0) }
+        Some(Self { length: DETECTABLE * largest.max(0.0).sqrt(), redundancy: redundancy.clamp(0.0, 1.0) })
     }
 }
 
@@ -276,6 +262,7 @@ mod tests {
         BundleAdjustment, BundleCamera, BundleSummary, InitialPose, Landmark, LandmarkModel, Observation,
     };
     use crate::camera::{Lens, WorldPoint};
+    use crate::outcome::is_unchecked;
 
     const SIZE: [f64; 2] = [1920.0, 1080.0];
 
@@ -306,7 +293,9 @@ mod tests {
         let landmarks = places.iter().enumerate().map(landmark).collect();
         let first = BundleCamera { initial_pose: InitialPose::Fixed, ..BundleCamera::new(truth[0], SIZE) };
         let cameras = vec![first, BundleCamera::new(camera(0.0, 0.0, 0.0), SIZE)];
-        BundleAdjustment { cameras, landmarks, ..BundleAdjustment::default() }.solve().expect("valid input")
+        let adjustment =
+            BundleAdjustment { cameras, landmarks, with_reliability: true, ..BundleAdjustment::default() };
+        adjustment.solve().expect("valid input")
     }
 
     /// Returns the root mean square move of the floor from one solution of the second camera to another.
@@ -339,7 +328,8 @@ mod tests {
         for count in 2..=5 {
             let found = solved(&PLACES[..count], [0.0; 2]);
             let link = first_link(&found);
-            assert_eq!(link.is_checked, count > 2, "{count} links: {link:?}");
+            let is_checked = !is_unchecked(link.redundancy, link.undetectable, 4.0);
+            assert_eq!(is_checked, count > 2, "{count} links: {link:?}");
         }
         let link = first_link(&solved(&PLACES[..2], [0.0; 2]));
         assert!(link.redundancy < 1e-6, "{link:?}");

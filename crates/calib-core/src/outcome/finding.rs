@@ -350,7 +350,8 @@ pub enum Finding {
         /// Degrees of freedom: residuals minus unknowns, of the control points, annotations and priors.
         dof: i64,
     },
-    /// Links or marks of the camera have no redundancy: a wrong one would move the camera without a residual.
+    /// Links or marks of the camera have no redundancy. A wrong link or mark moves the camera without a
+    /// residual.
     UncheckedLinks {
         /// Links and marks without redundancy.
         elements: Vec<Subject>,

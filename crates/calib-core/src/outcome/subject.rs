@@ -109,19 +109,34 @@ pub struct Residual {
 /// Redundancy below which an observation is not checked by others (Förstner 1987).
 const MIN_REDUNDANCY: f64 = 0.01;
 
-/// Undetected move of the floor that is accepted of an observation with less redundancy, in camera heights. Two
-/// links of a pair of cameras allow any move; three links at different places allow less than this.
+/// Largest accepted undetected move of the floor by an observation without redundancy, in camera heights. Two
+/// links between two cameras exceed it. Three links at different places do not.
 const MAX_ACCEPTED_MOVE: f64 = 0.5;
 
 /// Whether a gross error of an observation may stay undetected, although it moves the floor by more than half of
-/// the height of the camera. `redundancy` and `undetectable_m` are those of [`Residual`], and `height` is in
-/// metres.
+/// the height of the camera. `redundancy` and `undetectable_m` are fields of [`Residual`]. `height` is the
+/// height of the camera, in metres.
 #[must_use]
 pub fn is_unchecked(redundancy: f64, undetectable_m: f64, height: f64) -> bool {
     redundancy < MIN_REDUNDANCY && undetectable_m > MAX_ACCEPTED_MOVE * height.abs()
 }
 
 impl Residual {
+    /// Creates a residual in pixels without a name, an index and a reliability.
+    #[must_use]
+    pub const fn new(of: ResidualOf, px: f64) -> Self {
+        Self {
+            of,
+            annotation: None,
+            segment: None,
+            id: None,
+            px,
+            outlier: false,
+            redundancy: None,
+            undetectable_m: None,
+        }
+    }
+
     /// Whether a gross error may stay undetected, although it moves the floor ([`is_unchecked`]). `height` is the
     /// height of the camera, in metres.
     #[must_use]
