@@ -59,10 +59,13 @@ fn unchecked_links(solution: &Solution) -> usize {
 #[test]
 fn a_pair_with_two_links_is_not_checked() {
     let mut random = ChaCha8Rng::seed_from_u64(21);
-    for _ in 0..10 {
+    for trial in 0..10 {
         for (count, is_checked) in [(2, false), (8, true)] {
             let mut layout = Layout::ring(&mut random, 2, count, 1.0);
-            layout.place_first();
+            // Without a placement and a height, the scale is unknown, too.
+            if trial % 2 == 0 {
+                layout.place_first();
+            }
             let report = layout.site.calibrate(&Options::default());
             for (index, result) in &report.cameras {
                 let solution = result.as_ref().unwrap();

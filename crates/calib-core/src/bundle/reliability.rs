@@ -100,7 +100,8 @@ pub(crate) fn reliabilities(
             network.blocks.clear();
             last_owner = Some(owner);
         }
-        found.push((observed, network.reliability(observed, &rows, inflation)));
+        let reliability = network.reliability(observed, &rows, inflation);
+        found.extend(reliability.map(|reliability| (observed, reliability)));
     }
     found.sort_by_key(|(observed, _)| *observed);
     found
@@ -117,7 +118,8 @@ struct Network<'a, 'b> {
 }
 
 impl Network<'_, '_> {
-    fn reliability(&mut self, observed: Observed, rows: &Rows, inflation: &[f64]) -> Reliability {
+    /// Returns the reliability of an observation; `None` if the covariance is not finite.
+    fn reliability(&mut self, observed: Observed, rows: &Rows, inflation: &[f64]) -> Option<Reliability> {
         let converged = self.converged;
         let problem = &converged.problem;
         let (own, sigma, views) = match observed {
@@ -146,11 +148,11 @@ impl Network<'_, '_> {
         for view in views {
             let moves = self.moves(view, rows);
             let floor = moves.transpose() * &self.floors[view] * &moves;
-            let Some(found) = Undetected::new(&residuals, &floor, largest_error) else { continue };
+            let found = Undetected::new(&residuals, &floor, largest_error)?;
             worst.redundancy = worst.redundancy.min(found.redundancy);
             worst.undetectable = worst.undetectable.max(found.length * inflation[own]);
         }
-        worst
+        Some(worst)
     }
 
     /// Returns the rows of a block of `C A'` for one row of A; `size` is the size of the block.
@@ -202,20 +204,26 @@ impl Undetected {
     /// Maximises `e' G e` under `e' R e <= DETECTABLE^2` and, approximately, `|e| <= largest_error`. R and G are
     /// 1 x 1 or 2 x 2.
     ///
-    /// The bounds are joined to `e' S e <= DETECTABLE^2` with `S = R + (DETECTABLE / largest_error)^2 I`. With the
-    /// Cholesky factor L in `S = L L'` and `e = L'^-1 y`, the maximum belongs to the largest eigenvalue of
-    /// `L^-1 G L'^-1`, and y is its eigenvector.
+    /// The bounds are joined to `e' S e <= DETECTABLE^2` with `S = R + (DETECTABLE / largest_error)^2 I`. With
+    /// `e = S^-1/2 y`, the maximum belongs to the largest eigenvalue of `S^-1/2 G S^-1/2`, and y is its
+    /// eigenvector. `None` if the matrices are not finite.
     fn new(r: &DMatrix<f64>, g: &DMatrix<f64>, largest_error: f64) -> Option<Self> {
+        if !r.iter().chain(g).all(|value| value.is_finite()) {
+            return None;
+        }
         // The second row of an observation with one row is checked, and moves nothing.
         let entry = |matrix: &DMatrix<f64>, i: usize, j: usize| matrix.get((i, j)).copied();
         let r2 = Matrix2::from_fn(|i, j| entry(r, i, j).unwrap_or(if i == j { 1.0 } else { 0.0 }));
         let g2 = Matrix2::from_fn(|i, j| entry(g, i, j).unwrap_or(0.0));
         let bound = (DETECTABLE / largest_error).powi(2);
-        let factor = (r2 + Matrix2::identity() * bound).cholesky()?.l();
-        let inverse = factor.try_inverse()?;
-        let eigen = (inverse * g2 * inverse.transpose()).symmetric_eigen();
-        let (index, largest) = eigen.eigenvalues.argmax();
-        let direction = inverse.transpose() * eigen.eigenvectors.column(index);
+        let checked = r2.symmetric_eigen();
+        // R is positive semidefinite, except for rounding errors.
+        let roots = checked.eigenvalues.map(|value| (value.max(0.0) + bound).sqrt().recip());
+        let inverse_root =
+            checked.eigenvectors * Matrix2::from_diagonal(&roots) * checked.eigenvectors.transpose();
+        let moved = (inverse_root * g2 * inverse_root).symmetric_eigen();
+        let (index, largest) = moved.eigenvalues.argmax();
+        let direction = inverse_root * moved.eigenvectors.column(index);
         // If no error moves the floor, all directions are equal.
         let redundancy = if largest > 0.0 {
             (direction.transpose() * r2 * direction).x / direction.norm_squared()
@@ -334,6 +342,18 @@ mod tests {
         let link = first_link(&solved(&PLACES[..2], [0.0; 2]));
         assert!(link.redundancy < 1e-6, "{link:?}");
         assert!(link.undetectable > 1.0, "an error of many pixels turns the camera: {link:?}");
+    }
+
+    #[test]
+    fn rounding_errors_do_not_hide_an_unchecked_direction() {
+        let r = DMatrix::from_row_slice(2, 2, &[-1e-4, 0.0, 0.0, 0.5]);
+        let found = Undetected::new(&r, &DMatrix::identity(2, 2), 2000.0).expect("finite matrices");
+        assert_eq!(found.redundancy, 0.0);
+        assert!(
+            (found.length / 2000.0 - 1.0).abs() < 1e-9,
+            "only the size of the image bounds the error: {found:?}"
+        );
+        assert!(Undetected::new(&(r * f64::NAN), &DMatrix::identity(2, 2), 2000.0).is_none());
     }
 
     /// The chi-square of a solution with a single error `e` and no noise is `e' R e`, so the prediction can be
