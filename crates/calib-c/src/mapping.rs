@@ -88,6 +88,7 @@ fn box_form(form: u32) -> Result<BoxForm, CallError> {
         raw::CALIB_BOX_CORNER_SIZE => Ok(BoxForm::CornerSize),
         raw::CALIB_BOX_CORNERS => Ok(BoxForm::Corners),
         raw::CALIB_BOX_CENTRE_SIZE => Ok(BoxForm::CentreSize),
+        raw::CALIB_BOX_FRACTIONS => Ok(BoxForm::Fractions),
         _ => Err(CalibResult::Refused.into()),
     }
 }

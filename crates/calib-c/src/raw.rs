@@ -247,6 +247,8 @@ pub const CALIB_BOX_CORNER_SIZE: u32 = 0;
 pub const CALIB_BOX_CORNERS: u32 = 1;
 /// Box as centre, width and height.
 pub const CALIB_BOX_CENTRE_SIZE: u32 = 2;
+/// Box as centre, width and height, as fractions of the width and height of the stream (YOLO).
+pub const CALIB_BOX_FRACTIONS: u32 = 3;
 /// Mapped; inside the effective field of view (EFOV), or, for world points, inside the image.
 pub const CALIB_STATUS_OK: u8 = 0;
 /// No result: the pixel shows no point of the plane.

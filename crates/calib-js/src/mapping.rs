@@ -70,7 +70,7 @@ fn columns<T: JsCast>(names: [&str; 2], values: [&[f64]; 2], status: &[u8]) -> T
 /// Returns the form and the boxes, four numbers each.
 fn boxes_of<'a>(form: &str, boxes: &'a [f64]) -> Result<(BoxForm, &'a [[f64; 4]]), JsError> {
     let form = BoxForm::from_name(form)
-        .ok_or_else(|| JsError::new("form: expected \"xywh\", \"xyxy\" or \"cxcywh\""))?;
+        .ok_or_else(|| JsError::new("form: expected \"xywh\", \"xyxy\", \"cxcywh\" or \"yolo\""))?;
     match boxes.as_chunks() {
         (boxes, []) => Ok((form, boxes)),
         _ => Err(JsError::new("boxes: expected four numbers for each box")),
@@ -101,8 +101,8 @@ impl Camera {
     /// Maps boxes, four numbers each, to floor points. The foot point of a box is the middle of its lower
     /// edge.
     ///
-    /// `form` is "xywh", "xyxy" or "cxcywh", in pixels of the stream. Multiply normalised boxes (fractions, as
-    /// YOLO writes them) by its width and height first.
+    /// `form` is "xywh", "xyxy" or "cxcywh", in pixels of the stream, or "yolo": centre, width and height as
+    /// fractions of the width and height of the stream.
     ///
     /// # Errors
     /// Throws if the array does not contain four numbers for each box, and for an unknown form.

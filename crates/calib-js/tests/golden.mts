@@ -70,6 +70,9 @@ export function golden(calib: typeof Calib, files: Golden): string {
   const boxes = camera.boxesToFloor(Float64Array.of(900, 500, 1000, 900), "xyxy");
   const foot = camera.toFloor(Float64Array.of(950), Float64Array.of(900));
   assert(boxes.x[0] === foot.x[0] && boxes.y[0] === foot.y[0] && boxes.status[0] === foot.status[0], "boxes");
+  const [width, height] = camera.size;
+  const fractions = camera.boxesToFloor(Float64Array.of(950 / width, 700 / height, 100 / width, 400 / height), "yolo");
+  assert(Math.abs(fractions.x[0] - foot.x[0]) < 1e-6 && Math.abs(fractions.y[0] - foot.y[0]) < 1e-6, "fractions");
   assert(calib.statusNames()[boxes.status[0]].length > 0, "names of statuses");
   throws(() => site.camera("camera-0", { streamSize: [640, 640] }), /640 x 360/);
   throws(() => site.camera("camera-0", { origin: "center" as "centre" }), /centre/);

@@ -28,7 +28,8 @@ impl Camera {
         form: &str,
     ) -> PyResult<(BoxForm, Doubles<'py>, Vec<usize>)> {
         let (py, id) = (boxes.py(), Some(self.id()));
-        let form = named(py, id, "form", form, BoxForm::from_name, "\"xywh\", \"xyxy\" or \"cxcywh\"")?;
+        let form =
+            named(py, id, "form", form, BoxForm::from_name, "\"xywh\", \"xyxy\", \"cxcywh\" or \"yolo\"")?;
         let boxes = array::doubles(boxes, "boxes")?;
         let shape = match boxes.shape() {
             [shape @ .., 4] => shape.to_vec(),
@@ -50,9 +51,9 @@ impl Camera {
     ///
     /// Args: boxes: array of the shape (..., 4), in pixels. For rows with more columns pass ``boxes[...,
     /// :4]``. height: height of the plane above the floor, in metres. form: "xywh" (upper left corner, width,
-    /// height), "xyxy" (upper left and lower right corner) or "cxcywh" (centre, width, height); required. A
-    /// box with exchanged corners gets the status `MISSING`. out, origin, stream_size, fit, crop: as for
-    /// `to_floor`.
+    /// height), "xyxy" (upper left and lower right corner), "cxcywh" (centre, width, height) or "yolo" (centre,
+    /// width, height as fractions of the stream); required. A box with exchanged corners gets the status
+    /// `MISSING`. out, origin, stream_size, fit, crop: as for `to_floor`.
     ///
     /// Returns: (x, y, status), arrays of the shape (...): metres, and statuses as uint8.
     #[pyo3(

@@ -88,6 +88,10 @@ def test_boxes_of_every_form_have_the_same_foot_point(camera: calib.Camera) -> N
     corners = np.stack([x, y, x + w, y + h], axis=1)
     for found, wanted in zip(camera.boxes_to_floor(corners, form="xyxy"), expected, strict=True):
         np.testing.assert_allclose(found, wanted, rtol=1e-9)
+    width, height = camera.size
+    fractions = np.stack([(x + 20) / width, (y + 100) / height, w / width, h / height], axis=1)
+    for found, wanted in zip(camera.boxes_to_floor(fractions, form="yolo"), expected, strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=1e-9)
     assert camera.boxes_to_floor(np.zeros((0, 4)), form="xyxy")[0].shape == (0,)
     assert camera.boxes_to_floor([], form="xyxy")[0].shape == (0,)
     with pytest.raises(calib.CalibError, match=r"\(\.\.\., 4\)"):
@@ -115,7 +119,7 @@ def test_no_input_crashes_the_interpreter(camera: calib.Camera) -> None:
     calls = [
         lambda a, b, c: camera.to_floor(a, b, out=c if rng.random() < 0.2 else None),
         lambda a, b, c: camera.to_pixel(a, b, c),
-        lambda a, b, c: camera.boxes_to_floor(a, form=rng.choice(["xywh", "xyxy", "cxcywh"])),
+        lambda a, b, c: camera.boxes_to_floor(a, form=rng.choice(["xywh", "xyxy", "cxcywh", "yolo"])),
         lambda a, b, c: camera.floor_covariance(a, b, sigma_px=rng.choice([0.0, 1.0, 1e300])),
         lambda a, b, c: camera.floor_jacobian(a, b),
         lambda a, b, c: camera.rays(a, b, stream_size=rng.choice([None, (640, 360), (0, 0), (1e300, 2)])),

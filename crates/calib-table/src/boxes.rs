@@ -145,7 +145,7 @@ impl Boxes {
             let meaning = match form {
                 BoxForm::CornerSize => "upper left corner, width and height",
                 BoxForm::Corners => "upper left and lower right corner",
-                BoxForm::CentreSize => "centre, width and height",
+                BoxForm::CentreSize | BoxForm::Fractions => "centre, width and height",
             };
             let _ = self
                 .columns_note

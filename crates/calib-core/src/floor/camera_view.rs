@@ -91,6 +91,13 @@ impl CameraView {
         &self.stream
     }
 
+    /// Returns the width and height of the stream, in its pixels.
+    #[must_use]
+    pub fn stream_size(&self) -> [f64; 2] {
+        let shown = self.stream.crop.map_or(self.size, |[_, _, width, height]| [width, height]);
+        self.stream.size.map_or(shown, |size| size.map(f64::from))
+    }
+
     /// Whether the scale of the points is determined. Otherwise the camera is assumed to be 3 m high. The
     /// points then have correct proportions only, and the calibration part of every covariance is unknown.
     #[must_use]
@@ -109,8 +116,6 @@ impl CameraView {
         let is_stretched = (right / down - 1.0).abs() > 2e-3;
         let Pixel { u, v } = lens.principal_point;
         let principal_point = Pixel { u: map.to_stream(0, u), v: map.to_stream(1, v) };
-        let shown = self.stream.crop.map_or(self.size, |[_, _, width, height]| [width, height]);
-        let size = self.stream.size.map_or(shown, |size| size.map(f64::from));
         let focal = 0.5 * (right + down) * lens.focal;
         let circle = |ImageCircle { u, v, radius }| ImageCircle {
             u: map.to_stream(0, u),
@@ -118,7 +123,8 @@ impl CameraView {
             radius: 0.5 * (right + down) * radius,
         };
         let image_circle = lens.image_circle.map(circle);
-        (!is_stretched).then_some((Lens { principal_point, focal, image_circle, ..lens }, size))
+        let lens = Lens { principal_point, focal, image_circle, ..lens };
+        (!is_stretched).then_some((lens, self.stream_size()))
     }
 
     /// Returns the camera for the images of the stream, with the pixel coordinates of the stream. The
@@ -206,7 +212,7 @@ impl CameraView {
         status: &mut [u8],
     ) {
         assert!(boxes.len() == status.len(), "columns of equal length");
-        form.each_foot(boxes, |range, feet| {
+        form.each_foot(boxes, (self.stream_size(), self.stream.origin), |range, feet| {
             let floor = [&mut x[range.clone()], &mut y[range.clone()]];
             self.to_floor(height, feet, floor, &mut status[range]);
         });
@@ -225,7 +231,7 @@ impl CameraView {
         [pixel, calibration]: [&mut [[f64; 4]]; 2],
     ) {
         assert!(boxes.len() == pixel.len(), "columns of equal length");
-        form.each_foot(boxes, |range, feet| {
+        form.each_foot(boxes, (self.stream_size(), self.stream.origin), |range, feet| {
             let parts = [&mut pixel[range.clone()], &mut calibration[range]];
             self.covariances(height, feet, sigma, parts);
         });
@@ -496,6 +502,36 @@ mod tests {
                 // The whole error is along the ray, so the trace is its only variance.
                 let variance = calibration[i][0] + calibration[i][3];
                 prop_assert!(variance.is_nan() || (variance.sqrt() - along).abs() < 1e-6);
+            }
+        }
+
+        #[test]
+        fn fractions_map_like_pixels_of_the_stream(
+            camera in any_camera(),
+            boxes in proptest::collection::vec([0.0..1.0_f64, 0.0..1.0_f64, 0.0..0.5_f64, 0.0..0.5_f64], 1..600),
+            centre in proptest::bool::ANY,
+        ) {
+            let still = CameraView::new(&camera, SIZE, default_efov(&camera, SIZE).polygon);
+            let (size, fit) = (Some([640, 640]), Some(StreamFit::Letterbox));
+            let origin = if centre { PixelOrigin::Centre } else { PixelOrigin::Corner };
+            let view = still.with_stream(Stream { origin, size, fit, crop: None }).unwrap();
+            let shift = if centre { 0.5 } else { 0.0 };
+            let in_pixels: Vec<[f64; 4]> = boxes
+                .iter()
+                .map(|[x, y, w, h]| [640.0 * x - shift, 640.0 * y - shift, 640.0 * w, 640.0 * h])
+                .collect();
+            let mapped = |form, boxes: &[[f64; 4]]| {
+                let (mut x, mut y, mut status) = (vec![0.0; boxes.len()], vec![0.0; boxes.len()], vec![0; boxes.len()]);
+                view.boxes_to_floor(0.0, (form, boxes), [&mut x, &mut y], &mut status);
+                (x, y, status)
+            };
+            let (x, y, status) = mapped(BoxForm::Fractions, &boxes);
+            let (a, b, expected) = mapped(BoxForm::CentreSize, &in_pixels);
+            prop_assert_eq!(&status, &expected);
+            for i in 0..x.len() {
+                let scale = 1.0 + a[i].hypot(b[i]).powi(2);
+                prop_assert!(x[i].is_nan() == a[i].is_nan());
+                prop_assert!(x[i].is_nan() || (x[i] - a[i]).hypot(y[i] - b[i]) < 1e-7 * scale);
             }
         }
 

@@ -12,6 +12,17 @@ pub enum PixelOrigin {
     Centre,
 }
 
+impl PixelOrigin {
+    /// Returns the distance of the origin from the corner of the image in x and y, in pixels: 0 or 0.5.
+    #[must_use]
+    pub const fn offset(self) -> f64 {
+        match self {
+            Self::Corner => 0.0,
+            Self::Centre => 0.5,
+        }
+    }
+}
+
 /// Scaling of the image to the size of the stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum StreamFit {
@@ -146,8 +157,7 @@ impl Stream {
         if !is_part {
             return Err(StreamError::Crop { crop: [left, top, w, h], still });
         }
-        let origin = if self.origin == PixelOrigin::Centre { 0.5 } else { 0.0 };
-        let map = StreamMap { origin, corner: [left, top], ..StreamMap::STILL };
+        let map = StreamMap { origin: self.origin.offset(), corner: [left, top], ..StreamMap::STILL };
         let Some(size) = self.size else { return Ok(map) };
         if size.contains(&0) {
             return Err(StreamError::NoSize);

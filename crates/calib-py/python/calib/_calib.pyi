@@ -117,12 +117,12 @@ class Camera:
         fit: Fit | None = None, crop: Crop | None = None,
     ) -> tuple[Doubles, Doubles]: ...
     def boxes_to_floor(
-        self, boxes: npt.ArrayLike, height: float = 0.0, *, form: Literal["xywh", "xyxy", "cxcywh"],
+        self, boxes: npt.ArrayLike, height: float = 0.0, *, form: Literal["xywh", "xyxy", "cxcywh", "yolo"],
         out: Outputs | None = None, origin: Origin | None = None, stream_size: Size | None = None,
         fit: Fit | None = None, crop: Crop | None = None,
     ) -> Outputs: ...
     def boxes_covariance(
-        self, boxes: npt.ArrayLike, sigma_px: float = 1.0, height: float = 0.0, *, form: Literal["xywh", "xyxy", "cxcywh"],
+        self, boxes: npt.ArrayLike, sigma_px: float = 1.0, height: float = 0.0, *, form: Literal["xywh", "xyxy", "cxcywh", "yolo"],
         origin: Origin | None = None, stream_size: Size | None = None, fit: Fit | None = None, crop: Crop | None = None,
     ) -> tuple[Doubles, Doubles]: ...
     def floor_covariance(
