@@ -1,6 +1,6 @@
-//! Accuracy of cameras from control points alone, compared with OpenCV. For every setting: the root mean square error
-//! of the position divided by the bound (Cramér-Rao), the coverage of the 95 % intervals, and the share of solved
-//! cameras.
+//! Accuracy of cameras from control points alone, compared with `OpenCV` and `PoseLib`. For every setting: the root
+//! mean square error of the position divided by the bound (Cramér-Rao), the coverage of the 95 % intervals, and the
+//! share of solved cameras.
 
 #![allow(clippy::unwrap_used, reason = "a failed step fails the test")]
 
@@ -203,11 +203,12 @@ fn case(trial: &Trial, setting: Setting, bound: f64) -> Value {
            "wrong": setting.wrong > 0, "in_space": setting.is_in_space})
 }
 
-/// Returns the results of OpenCV, one for each row: root mean square error over the bound, and share solved.
-fn opencv(rows: &Value) -> Option<Vec<[Option<f64>; 2]>> {
+/// Returns the results of `OpenCV` and `PoseLib`, one for each row: root mean square error over the bound and share
+/// solved, of each.
+fn peers(rows: &Value) -> Option<Vec<[Option<f64>; 4]>> {
     let python = peers_python()?;
     let mut child = Command::new(python)
-        .arg(root().join("tests/point_table_opencv.py"))
+        .arg(root().join("tests/point_table_peers.py"))
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .spawn()
@@ -246,9 +247,9 @@ fn cameras_from_points_are_at_the_bound() {
         rows.push((setting, row));
         cases.push(own);
     }
-    let theirs = opencv(&json!(cases));
+    let theirs = peers(&json!(cases));
     let mut table = String::from(
-        "n   points   focal    noise  wrong   error/bound  95 %   solved   OpenCV error/bound  solved\n",
+        "n   points   focal    noise  wrong   error/bound  95 %   solved   OpenCV  solved   PoseLib  solved\n",
     );
     for (index, (setting, row)) in rows.iter().enumerate() {
         let Setting { count, is_in_space, focal_is_known, noise, wrong } = *setting;
@@ -256,12 +257,12 @@ fn cameras_from_points_are_at_the_bound() {
         let focal = if focal_is_known { "known" } else { "unknown" };
         let share = row.solved as f64 / TRIALS as f64;
         let [error, coverage] = [row.rmse_over_bound(), row.coverage()];
-        let peer = theirs.as_ref().map_or([None; 2], |theirs| theirs[index]);
-        let [peer_error, peer_share] =
+        let peer = theirs.as_ref().map_or([None; 4], |theirs| theirs[index]);
+        let [opencv, opencv_share, pose_lib, pose_lib_share] =
             peer.map(|value| value.map_or("-".into(), |value| format!("{value:.2}")));
         writeln!(
             table,
-            "{count:<3} {place:8} {focal:8} {noise:<6} {wrong:<7} {error:<12.2} {coverage:<6.3} {share:<8.2} {peer_error:<19} {peer_share}"
+            "{count:<3} {place:8} {focal:8} {noise:<6} {wrong:<7} {error:<12.2} {coverage:<6.3} {share:<8.2} {opencv:<7} {opencv_share:<8} {pose_lib:<8} {pose_lib_share}"
         )
         .unwrap();
     }

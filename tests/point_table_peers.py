@@ -1,10 +1,13 @@
-"""Cameras from control points by OpenCV: position errors over the bound, and the share that is solved."""
+"""Cameras from control points by OpenCV and PoseLib: position errors over the bound, and the share that is solved.
+
+PoseLib has an estimator for known focal lengths alone."""
 
 import json
 import sys
 
 import cv2
 import numpy as np
+import poselib
 
 CENTRE = (960.0, 540.0)
 
@@ -54,15 +57,26 @@ def unknown_focal(world, pixels):
     return position(rotations[0], translations[0])
 
 
-def row(cases):
+def opencv(world, pixels, focal, has_wrong):
+    if focal is None:
+        return unknown_focal(world, pixels)
+    return known_focal(world, pixels, focal, has_wrong)
+
+
+def pose_lib(world, pixels, focal, _has_wrong):
+    if focal is None:
+        return None
+    camera = {"model": "SIMPLE_PINHOLE", "width": 1920, "height": 1080, "params": [focal, *CENTRE]}
+    pose, found = poselib.estimate_absolute_pose(pixels, world, camera, {"max_reproj_error": 8.0}, {})
+    return -pose.R.T @ pose.t if found["num_inliers"] >= 3 else None
+
+
+def row(cases, solve):
     errors, solved = [], 0
     for case in cases:
         world, pixels = np.array(case["world"]), np.array(case["pixels"])
         try:
-            if case["focal"] is None:
-                found = unknown_focal(world, pixels)
-            else:
-                found = known_focal(world, pixels, case["focal"], case["wrong"])
+            found = solve(world, pixels, case["focal"], case["wrong"])
         except cv2.error:
             found = None
         if found is None or not np.all(np.isfinite(found)):
@@ -76,4 +90,4 @@ def row(cases):
 
 
 if __name__ == "__main__":
-    json.dump([row(cases) for cases in json.load(sys.stdin)], sys.stdout)
+    json.dump([row(cases, opencv) + row(cases, pose_lib) for cases in json.load(sys.stdin)], sys.stdout)
