@@ -4,7 +4,9 @@ use calib_core::camera::{Camera, FloorPoint, Pixel, WorldPoint};
 use calib_core::floor::Measured;
 use calib_core::single::Known;
 use calib_demo::random::{AnnotationSet, RandomScene, normal};
-use calib_site::{Measurement, MeasurementKind, MeasurementPoint, Options, SceneEntry, Site, SiteCamera};
+use calib_site::{
+    Measurement, MeasurementKind, MeasurementPoint, Options, SceneEntry, Site, SiteCamera, Units,
+};
 use calib_tests::{Scratch, above, entry};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -139,6 +141,26 @@ fn program_measures_and_refuses_points_without_floor() {
     let far = ["measure", "site.json", "--camera", "left", "--from", "5000,9", "--to", "900,600"];
     assert!(scratch.calib(&far).expect_code(3).stderr.contains("outside the image"));
     scratch.calib(&["measure", "site.json"]).expect_code(2);
+}
+
+#[test]
+fn lengths_of_a_site_in_feet_are_shown_in_feet() {
+    let mut random = ChaCha8Rng::seed_from_u64(9);
+    let site = std::iter::repeat_with(|| Simulated::new(&mut random)).flatten().next().unwrap().site;
+    let scratch = Scratch::new();
+    let points = ["--camera", "a", "--from", "800,900", "--to", "1200,900"];
+    let shown = |units, format: &str| {
+        let site = Site { units, ..site.clone() };
+        scratch.write("site.json", site.to_json());
+        let command = [&["measure", "site.json"][..], &points, &["--format", format]].concat();
+        scratch.calib(&command).expect_code(0).stdout
+    };
+    let number = |text: &str| text.split(' ').next().unwrap().parse::<f64>().unwrap();
+    let [metres, feet] = [Units::Metres, Units::Feet].map(|units| shown(units, "text"));
+    assert!(feet.contains(" ft \u{b1} "), "{feet}");
+    assert!((number(&feet) * 0.3048 / number(&metres) - 1.0).abs() < 0.01, "{feet} and {metres}");
+    // Fields with SI units in their names stay in these units.
+    assert_eq!(shown(Units::Feet, "json"), shown(Units::Metres, "json"));
 }
 
 #[test]

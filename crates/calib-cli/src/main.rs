@@ -86,7 +86,7 @@ enum Command {
     Plan(plan::Args),
     /// Write an image without lens distortion, or virtual views in any direction (PNG, or JPEG for .jpg)
     Undistort(undistort::Args),
-    /// Draw annotations, horizon, metre grid, EFOV and marks on an image, or all cameras on the plan (PNG, or
+    /// Draw annotations, horizon, floor grid, EFOV and marks on an image, or all cameras on the plan (PNG, or
     /// JPEG for .jpg)
     Render(render::Args),
     /// Quality gate: exit 4 if a camera is unsolved, or a camera or the site exceeds a limit

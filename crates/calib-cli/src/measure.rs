@@ -3,7 +3,9 @@
 use calib_core::Pixel;
 use calib_core::floor::Measured;
 use calib_report::{decimals, shortened_list};
-use calib_site::{CameraViewError, Measurement, MeasurementError, MeasurementKind, MeasurementPoint, Site};
+use calib_site::{
+    CameraViewError, Measurement, MeasurementError, MeasurementKind, MeasurementPoint, Site, Units,
+};
 use jiff::Timestamp;
 use serde_json::{Value, json};
 
@@ -11,6 +13,9 @@ use crate::files::{self, print_message};
 use crate::site_file::SiteFile;
 use crate::solve::Format;
 use crate::stop::{CommandError, escape_control_characters};
+
+/// A mile per hour, in metres per second.
+const MILE_PER_HOUR: f64 = 0.44704;
 
 /// Arguments of `calib measure`.
 #[derive(Debug, clap::Args)]
@@ -107,7 +112,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     })?;
     files::print(&match Format::given_or_usual(args.format) {
         Format::Json => format!("{}\n", as_json(measurement.kind, found)),
-        Format::Text => format!("{}\n", as_text(measurement.kind, found)),
+        Format::Text => format!("{}\n", as_text(measurement.kind, found, file.site.units)),
     })
 }
 
@@ -147,7 +152,7 @@ fn stored(file: &SiteFile, args: &Args) -> Result<(), CommandError> {
                 let mut value = as_json(measurement.kind, found);
                 value["id"] = json!(measurement.id);
                 list.push(value);
-                text.push_str(&format!("{name}: {}\n", as_text(measurement.kind, found)));
+                text.push_str(&format!("{name}: {}\n", as_text(measurement.kind, found, file.site.units)));
             }
             Err(error) => {
                 failed += 1;
@@ -185,27 +190,31 @@ fn warn_assumed_scale(site: &Site, measurement: &Measurement) {
     }
 }
 
-/// Returns the unit of the value, and the fields of the output for the value and its standard deviation.
-const fn quantity(kind: MeasurementKind) -> (&'static str, [&'static str; 2]) {
-    match kind {
-        MeasurementKind::Length | MeasurementKind::Height => ("m", ["length_m", "sigma_m"]),
-        MeasurementKind::Area => ("m\u{b2}", ["area_m2", "sigma_m2"]),
-        MeasurementKind::Speed => ("m/s", ["speed_mps", "sigma_mps"]),
-    }
-}
-
+/// Returns the result with SI units in the names of its fields.
 fn as_json(kind: MeasurementKind, Measured { value, sigma }: Measured) -> Value {
-    let (_, [field, sigma_field]) = quantity(kind);
+    let [field, sigma_field] = match kind {
+        MeasurementKind::Length | MeasurementKind::Height => ["length_m", "sigma_m"],
+        MeasurementKind::Area => ["area_m2", "sigma_m2"],
+        MeasurementKind::Speed => ["speed_mps", "sigma_mps"],
+    };
     json!({ "kind": kind, field: value, sigma_field: sigma })
 }
 
-fn as_text(kind: MeasurementKind, Measured { value, sigma }: Measured) -> String {
-    let (unit, _) = quantity(kind);
-    let speed = match kind {
-        MeasurementKind::Speed => format!(" ({:.1} km/h)", 3.6 * value),
+/// Returns the result in the units of the site, as a sentence for the terminal.
+fn as_text(kind: MeasurementKind, found: Measured, units: Units) -> String {
+    let symbol = units.symbol();
+    let (unit, si) = match kind {
+        MeasurementKind::Length | MeasurementKind::Height => (symbol.to_owned(), units.metres()),
+        MeasurementKind::Area => (format!("{symbol}\u{b2}"), units.metres() * units.metres()),
+        MeasurementKind::Speed => (format!("{symbol}/s"), units.metres()),
+    };
+    let speed = match (kind, units) {
+        (MeasurementKind::Speed, Units::Metres) => format!(" ({:.1} km/h)", 3.6 * found.value),
+        (MeasurementKind::Speed, Units::Feet) => format!(" ({:.1} mph)", found.value / MILE_PER_HOUR),
         _ => String::new(),
     };
-    match sigma {
+    let value = found.value / si;
+    match found.sigma.map(|sigma| sigma / si) {
         Some(sigma) => {
             let digits = decimals(sigma);
             format!("{value:.digits$} {unit} \u{b1} {sigma:.digits$} {unit}{speed}")

@@ -40,7 +40,7 @@ pub struct ElementStatus {
 pub enum Meaning {
     /// Line that is straight in the scene and curved by the distortion.
     LensGrid,
-    /// Line of the metre grid on the floor.
+    /// Line of the grid on the floor.
     Grid,
     /// Horizon of a camera.
     Horizon,

@@ -38,9 +38,7 @@ mod plan;
 
 pub use agreement::{Element, Sighting, View, elements};
 pub use colour::Rgb;
-pub use image::{
-    ImageLayer, ImageView, Signs, diagonal, extension, guide, horizon, metres, on_image, project,
-};
+pub use image::{ImageLayer, ImageView, Signs, extension, grid_step, guide, horizon, on_image, project};
 pub use item::{AnnotatedLine, ElementStatus, Geometry, Item, Meaning};
 pub use kind::{KIND_LOOKS, KindLook, PlacedShape, Sign, SignPosition, SignShape, place_sign};
 pub use look::{LINE_WIDTH, Look, Outline};

@@ -241,7 +241,7 @@ commands! {
     /// Switches of the display.
     Switch {
         HideOverlays "Hide or show the overlays on the image" NONE H;
-        Grid "Show or hide the metre grid" NONE G;
+        Grid "Show or hide the floor grid" NONE G;
         Edges "Show or hide the detected edges" NONE I;
         Straighten "Show the image without distortion" NONE T;
         Horizon "Show or hide the horizon";

@@ -1,11 +1,11 @@
 //! Overlay of a camera's image.
 
-use calib_core::{Code, FloorPoint, Pixel, ResidualOf};
+use calib_core::{Code, Pixel, ResidualOf};
 
 use calib_core::floor::view_angle;
 
 use calib_draw::{
-    Geometry, ImageLayer, ImageView, Item, KindLook, Look, Meaning, PlacedShape, Rgb, Sign, Signs, diagonal,
+    Geometry, ImageLayer, ImageView, Item, KindLook, Look, Meaning, PlacedShape, Rgb, Sign, Signs, grid_step,
     on_image, place_sign,
 };
 use calib_site::{Site, SiteCamera, Units};
@@ -23,7 +23,8 @@ pub fn overlay(site: &Site, entry: &SiteCamera, lens_grid: bool) -> Svg {
     let mut svg = Svg::new(size, style::scale(size));
     let index = site.cameras.iter().position(|other| std::ptr::eq(other, entry)).unwrap_or(0);
     let colour = Rgb::camera(index);
-    let items = on_image(&ImageView::new(site, index).with_labels(svg.scale), &layers(entry, lens_grid));
+    let items =
+        on_image(&ImageView::new(site, index).with_labels(svg.scale), &layers(entry, site.units, lens_grid));
     for item in &items {
         draw_item(&mut svg, item);
     }
@@ -40,11 +41,14 @@ pub fn overlay(site: &Site, entry: &SiteCamera, lens_grid: bool) -> Svg {
     svg
 }
 
+/// Number of cells of a grid along the diagonal of its polygon that stay distinguishable.
+pub(crate) const MAX_GRID_CELLS: f64 = 24.0;
+
 /// Returns the layers of the overlay in drawing order: the first one is the lowest.
-fn layers(entry: &SiteCamera, lens_grid: bool) -> Vec<ImageLayer> {
+fn layers(entry: &SiteCamera, units: Units, lens_grid: bool) -> Vec<ImageLayer> {
     let efov = entry.solution.as_ref().map_or(&[][..], |solution| &solution.efov_m);
     let others = [
-        ImageLayer::Grid(grid_step(efov)),
+        ImageLayer::Grid(grid_step(efov, units, MAX_GRID_CELLS)),
         ImageLayer::Planes,
         ImageLayer::SolvedEfov,
         ImageLayer::Horizon,
@@ -54,13 +58,6 @@ fn layers(entry: &SiteCamera, lens_grid: bool) -> Vec<ImageLayer> {
         ImageLayer::Observations,
     ];
     lens_grid.then_some(ImageLayer::LensGrid).into_iter().chain(others).collect()
-}
-
-/// Returns the smallest step with distinguishable cells for a grid over a polygon: 0.5, 1, 2, 5, 10, …
-/// metres.
-pub(crate) fn grid_step(polygon: &[FloorPoint]) -> f64 {
-    let reach = diagonal(polygon);
-    [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0].into_iter().find(|step| reach / step < 24.0).unwrap_or(100.0)
 }
 
 /// Converts pixels to coordinate pairs.

@@ -2,12 +2,13 @@
 
 use calib_core::{FloorPoint, PlanPixel, PlanScale};
 use calib_draw::{
-    Geometry, Item, Look, Meaning, PlanLayer, PlanView, Rgb, cone_corners, metres, on_plan as items_on_plan,
+    Geometry, Item, Look, Meaning, PlanLayer, PlanView, Rgb, cone_corners, grid_step,
+    on_plan as items_on_plan,
 };
 use calib_site::{Site, SiteCamera, SiteCoverage, Units};
 
 use crate::coverage_layer;
-use crate::overlay::grid_step;
+use crate::overlay::MAX_GRID_CELLS;
 use crate::plan_quality::{PlanQuality, Sample};
 use crate::style;
 use crate::svg::{Anchor, Stroke, Svg, TAG_LETTER};
@@ -74,7 +75,7 @@ fn draw(
     let is_alone = coverage.is_some_and(|coverage| coverage.cameras.len() == 1);
     let view = if is_alone { view } else { view.placed_only() };
     if site.plan.as_ref().is_none_or(|plan| plan.image.is_none()) {
-        draw_items(&mut svg, &items_on_plan(&view, &[grid(&scale, size)]), 0.0, &on_plan);
+        draw_items(&mut svg, &items_on_plan(&view, &[grid(&scale, size, site.units)]), 0.0, &on_plan);
     }
     let cameras = items_on_plan(&view, &[PlanLayer::Cameras]);
     let room = camera_spacing(&cameras, &on_plan) / svg.scale;
@@ -131,10 +132,10 @@ fn blank_background(site: &Site, x_axis: f64, with_areas: bool) -> ([u32; 2], Pl
     ([side(right - left), side(bottom - top)], PlanScale { metres_per_px, origin, x_axis })
 }
 
-/// Returns the metre grid over the whole plan.
-fn grid(scale: &PlanScale, [w, h]: [f64; 2]) -> PlanLayer {
+/// Returns the grid over the whole plan.
+fn grid(scale: &PlanScale, [w, h]: [f64; 2], units: Units) -> PlanLayer {
     let corners = [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(|p| scale.floor_from_plan(p.into()));
-    PlanLayer::Grid(corners, grid_step(&corners))
+    PlanLayer::Grid(corners, grid_step(&corners, units, MAX_GRID_CELLS))
 }
 
 /// Draws lines with their appearance on a light plan. Fills areas with the colour of their meaning; `cover`
@@ -314,19 +315,12 @@ fn draw_north(svg: &mut Svg, site: &Site, scale: &PlanScale, [w, _]: [f64; 2]) {
 
 /// Draws a scale bar of a round length in these units, with its label.
 fn draw_scale_bar(svg: &mut Svg, scale: &PlanScale, [w, h]: [f64; 2], units: Units) {
-    let round = [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0];
-    let round = round.map(|length| length * units.metres());
-    let length =
-        round.into_iter().rfind(|metres| metres / scale.metres_per_px < 0.22 * w).unwrap_or(round[0]);
+    let length = units.round_length_below(0.22 * w * scale.metres_per_px);
     let (x, y, tick) = (24.0 * svg.scale, h - 24.0 * svg.scale, 6.0 * svg.scale);
     let end = x + length / scale.metres_per_px;
     let bar = [[x, y - tick], [x, y], [end, y], [end, y - tick]];
     svg.line(&bar, false, Stroke { outlined: false, ..Stroke::new(Rgb::WHITE, 5.0) });
     svg.line(&bar, false, Stroke { outlined: false, ..Stroke::new(Rgb::INK, 2.0) });
-    svg.ink(
-        [0.5 * (x + end), y - 8.0 * svg.scale],
-        &format!("{} {}", metres(length / units.metres()), units.symbol()),
-        Rgb::INK,
-        Anchor::Middle,
-    );
+    let at = [0.5 * (x + end), y - 8.0 * svg.scale];
+    svg.ink(at, &units.round_length(length), Rgb::INK, Anchor::Middle);
 }

@@ -131,6 +131,14 @@ impl Units {
         format!("{} {}", self.number(metres, digits), self.symbol())
     }
 
+    /// Formats a length given in metres in this unit, with the unit and at most 3 decimals; zeros at the end
+    /// are omitted.
+    #[must_use]
+    pub fn round_length(self, metres: f64) -> String {
+        let rounded = (metres / self.metres() * 1000.0).round() / 1000.0;
+        format!("{} {}", rounded + 0.0, self.symbol()).replace('-', "\u{2212}")
+    }
+
     /// Formats a length given in metres in centimetres or inches; from one metre on, in metres or feet.
     #[must_use]
     pub fn short_length(self, metres: f64) -> String {
@@ -162,9 +170,22 @@ impl Units {
     /// metres, and round in this unit.
     #[must_use]
     pub fn step(self, reach: f64, most: f64) -> f64 {
-        let steps = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0];
-        let steps = steps.map(|step| step * self.metres());
+        let steps = self.round_lengths();
         steps.into_iter().find(|step| reach / step < most).unwrap_or(steps[steps.len() - 1])
+    }
+
+    /// Returns the largest length below `limit` that is round in this unit, for a scale bar. Lengths are in
+    /// metres.
+    #[must_use]
+    pub fn round_length_below(self, limit: f64) -> f64 {
+        let lengths = self.round_lengths();
+        lengths.into_iter().rfind(|length| *length < limit).unwrap_or(lengths[0])
+    }
+
+    /// Returns lengths that are round in this unit, in metres, in ascending order.
+    fn round_lengths(self) -> [f64; 13] {
+        let lengths = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0];
+        lengths.map(|length| length * self.metres())
     }
 }
 
@@ -181,6 +202,15 @@ mod tests {
         assert_eq!(Units::Metres.short_length(9.987), "9.99 m");
         assert_eq!(Units::Metres.short_length_and_sigma(0.053, 0.08), "5.3 \u{b1} 8.0 cm");
         assert_eq!(Units::Metres.short_length_and_sigma(0.3, 2.0), "0.3 \u{b1} 2.0 m");
+    }
+
+    #[test]
+    fn round_lengths_are_round_in_both_units() {
+        assert_eq!(Units::Feet.round_length(Units::Feet.step(30.0, 24.0)), "5 ft");
+        assert_eq!(Units::Metres.round_length(Units::Metres.step(30.0, 24.0)), "2 m");
+        assert_eq!(Units::Feet.round_length(Units::Feet.round_length_below(3.5)), "10 ft");
+        assert_eq!(Units::Metres.round_length(-2.5), "\u{2212}2.5 m");
+        assert_eq!(Units::Metres.round_length_below(0.01), 0.1);
     }
 
     #[test]

@@ -12,8 +12,8 @@ use calib_core::{Camera, Kind, Pixel, Plane};
 use calib_core::floor::annotated_line_curve;
 
 use calib_draw::{
-    Geometry, ImageLayer, ImageView, Item, Look, Meaning, Scene, Signs, diagonal, guide,
-    on_image as items_on_image, project,
+    Geometry, ImageLayer, ImageView, Item, Look, Meaning, Scene, Signs, guide, on_image as items_on_image,
+    project,
 };
 use calib_editor::{Edge, Family, Part, SearchLine, Session, Units, hit};
 use calib_site::{Site, SiteCamera, Solution, SuggestionEntry};
@@ -395,5 +395,5 @@ fn diamond(painter: &Painter, at: Pos2, colour: Color32, is_filled: bool) {
 /// distinguishable.
 #[must_use]
 pub fn grid_step(polygon: &[calib_core::FloorPoint], units: Units) -> f64 {
-    units.step(diagonal(polygon), 30.0).max(0.5 * units.metres())
+    calib_draw::grid_step(polygon, units, 30.0)
 }

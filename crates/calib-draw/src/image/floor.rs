@@ -1,8 +1,9 @@
-//! Floor and planes on an image: the metre grid, the fields of view, the prism over the camera's own field of
+//! Floor and planes on an image: the grid of the floor, the fields of view, the prism over the camera's own field of
 //! view, and the regions of planes.
 
 use calib_core::floor::{PRISM_HEIGHT, prism, vertical};
 use calib_core::{Camera, FloorPoint, Pixel, Plane, Polyline, WorldPoint, floor_grid};
+use calib_site::Units;
 
 use crate::image::{ImageView, project};
 use crate::item::{Item, Meaning};
@@ -32,7 +33,7 @@ pub(super) fn onto_plane(line: &[WorldPoint], plane: &Plane) -> Polyline {
     line.iter().map(|&at| WorldPoint { z: at.z + plane.height_at(at.on_floor()), ..at }).collect()
 }
 
-/// Returns the metre grid inside the solved EFOV, on its plane; `step` is the distance of its lines in
+/// Returns the grid inside the solved EFOV, on its plane; `step` is the distance of its lines in
 /// metres.
 pub(super) fn grid(view: &ImageView, step: f64) -> Vec<Item<Pixel>> {
     let Some((camera, solution)) = view.solved() else { return Vec::new() };
@@ -42,15 +43,20 @@ pub(super) fn grid(view: &ImageView, step: f64) -> Vec<Item<Pixel>> {
         items.extend(project(&camera, Meaning::Grid, &line));
         let size = view.entry().map(calib_site::SiteCamera::size);
         if let (Some(scale), Some(size)) = (view.label_scale, size) {
-            items.extend(grid_label(&camera, &line, size, scale));
+            items.extend(grid_label(&camera, &line, (size, scale), view.site().units));
         }
     }
     items
 }
 
-/// Returns the label of a grid line: its x or y in metres, at its visible point closest to the camera.
-/// `scale` is the size of letters relative to the screen.
-fn grid_label(camera: &Camera, line: &[WorldPoint], [w, h]: [f64; 2], scale: f64) -> Option<Item<Pixel>> {
+/// Returns the label of a grid line: its x or y, at its visible point closest to the camera. `scale` is the size
+/// of letters relative to the screen.
+fn grid_label(
+    camera: &Camera,
+    line: &[WorldPoint],
+    ([w, h], scale): ([f64; 2], f64),
+    units: Units,
+) -> Option<Item<Pixel>> {
     /// Number of intervals in which a grid line is sampled.
     const SAMPLES: usize = 200;
     let (&a, &b) = (line.first()?, line.last()?);
@@ -66,25 +72,20 @@ fn grid_label(camera: &Camera, line: &[WorldPoint], [w, h]: [f64; 2], scale: f64
     });
     let (_, at) = shown.min_by(|one, other| one.0.total_cmp(&other.0))?;
     let along_y = (a.x - b.x).abs() < 1e-9;
-    let text = if along_y { format!("x {}", metres(a.x)) } else { format!("y {}", metres(a.y)) };
+    let (axis, value) = if along_y { ("x", a.x) } else { ("y", a.y) };
+    let text = format!("{axis} {}", units.round_length(value));
     Some(Item::label(Meaning::Grid, at, text))
 }
 
-/// Formats a length in metres with at most 3 decimals, a typographic minus sign, and no trailing zeros.
+/// Returns the step of a grid over a polygon, in metres: 0.5, 1, 2, 5, 10, … units. The diagonal of the bounding
+/// rectangle has fewer than `most` cells.
 #[must_use]
-pub fn metres(value: f64) -> String {
-    let rounded = (value * 1000.0).round() / 1000.0;
-    format!("{}", rounded + 0.0).replace('-', "\u{2212}")
-}
-
-/// Returns the diagonal of the bounding rectangle of a polygon, in metres. It determines the step of a grid.
-#[must_use]
-pub fn diagonal(polygon: &[FloorPoint]) -> f64 {
+pub fn grid_step(polygon: &[FloorPoint], units: Units, most: f64) -> f64 {
     let span = |value: fn(&FloorPoint) -> f64| {
         let values = || polygon.iter().map(value);
         (values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min)).max(0.0)
     };
-    span(|p| p.x).hypot(span(|p| p.y))
+    units.step(span(|p| p.x).hypot(span(|p| p.y)), most).max(0.5 * units.metres())
 }
 
 /// Returns the annotated EFOV with its corners.

@@ -16,7 +16,7 @@ use calib_core::floor::annotated_line_curve;
 use calib_site::{Site, SiteCamera, Solution};
 
 pub use annotation::{Signs, extension};
-pub use floor::{diagonal, metres};
+pub use floor::grid_step;
 pub use horizon::horizon;
 pub use mark::guide;
 
