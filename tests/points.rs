@@ -158,10 +158,14 @@ fn uncertainty_from_points_is_known_without_a_joint_solve() {
     let options = Options { refine: false, ..Options::default() };
     let solution = site.calibrate(&options).cameras.remove(0).1.unwrap();
     let joint = solve(&site).sigma.unwrap();
+    assert_eq!(solution.stage, Stage::Placed);
     let sigma = solution.sigma.unwrap();
-    // The joint solve also estimates the principal point, which widens the intervals.
-    let ratio = sigma.focal_px.unwrap() / joint.focal_px.unwrap();
-    assert!((0.02..2.0).contains(&ratio), "{sigma:?} and {joint:?}");
+    // Both include the unknown principal point.
+    let ratio = |of: fn(&calib_site::Sigmas) -> Option<f64>| of(&sigma).unwrap() / of(&joint).unwrap();
+    for ratio in [ratio(|s| s.focal_px), ratio(|s| s.pitch_deg), ratio(|s| s.z_m), ratio(|s| s.yaw_deg)]
+    {
+        assert!((0.999..1.001).contains(&ratio), "{sigma:?} and {joint:?}");
+    }
     assert!(sigma.floor_length_rel.unwrap() < 0.05, "{sigma:?}");
     assert!(!solution.warnings.iter().any(|warning| warning.code.fails_check()), "{:?}", solution.warnings);
 }
@@ -192,6 +196,10 @@ fn corners_of_a_marked_court_calibrate_a_camera_without_lines() {
     // The principal point is unknown by default, and a mark that may move is seen by one camera.
     let partial = solve(&court_mark(false));
     assert!(partial.sigma.as_ref().unwrap().pitch_deg.unwrap() < 10.0, "{partial:?}");
+    let exact = solve(&Site { scene: Some(SceneEntry::EXACT), ..court_mark(false) });
+    let [wide, narrow] =
+        [&partial, &exact].map(|solution| solution.sigma.as_ref().unwrap().focal_px.unwrap());
+    assert!(wide > 2.0 * narrow, "{wide} with an unknown principal point, {narrow} with a known one");
     for is_fixed in [true, false] {
         let solution = solve(&Site { scene: Some(SceneEntry::EXACT), ..court_mark(is_fixed) });
         assert!((solution.focal_px / 1250.0 - 1.0).abs() < 1e-5, "{solution:?}");

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 
 use crate::document::{FixedEntry, Site, SiteCamera};
 use crate::observations::{LandmarkSource, SiteObservations, UnusedEvidence};
+use crate::points_step::{UsedPoints, unplaced};
 use crate::single_step::SingleFit;
 use crate::solution::Stage;
 use calib_core::bundle::{
@@ -55,6 +56,9 @@ pub(crate) struct BundleResult {
     /// Cross-covariances of jointly refined pairs of cameras.
     pub(crate) pairs: HashMap<[usize; 2], CrossCovariance>,
 }
+
+/// Least number of control points that determine the position of a camera with a known orientation.
+const MIN_PLACED_POINTS: usize = 3;
 
 /// Placeholder for a camera without a result; it has no observations.
 pub(crate) const ABSENT: Camera = Camera {
@@ -118,7 +122,17 @@ impl Site {
         let members = members(&entries, single_fits);
         let planes = self.plane_priors();
         let shared = self.site_observations(single_fits, &planes, &|camera| members[camera].is_some());
-        adjust(&entries, &members, (shared, planes), true)
+        let mut result = adjust(&entries, &members, (shared, planes), true);
+        // A mark that only one camera observes connects it to nothing, but its size determines the camera.
+        for (estimate, member) in result.cameras.iter_mut().zip(&members) {
+            if let (None, Some(member)) = (&estimate, member)
+                && member.has_only_points()
+                && member.points_are_of_mark(self)
+            {
+                *estimate = member.refined_by_points(self);
+            }
+        }
+        result
     }
 }
 
@@ -132,6 +146,24 @@ pub(crate) fn refine_lenses(
 ) -> BundleResult {
     let alone = (SiteObservations::default(), planes);
     adjust(entries, &members(entries, single_fits), alone, with_reliability)
+}
+
+impl Site {
+    /// Refines every camera for itself: its lens with its lines, or its principal point with its control
+    /// points. `entries` must include the owners of shared lenses.
+    pub(crate) fn refine_separately(
+        &self,
+        entries: &[&SiteCamera],
+        single_fits: &[Result<SingleFit, Failure>],
+    ) -> BundleResult {
+        let mut result = refine_lenses(entries, single_fits, self.plane_priors(), true);
+        for (estimate, member) in result.cameras.iter_mut().zip(members(entries, single_fits)) {
+            if let Some(member) = member.filter(Member::has_only_points) {
+                *estimate = member.refined_by_points(self);
+            }
+        }
+        result
+    }
 }
 
 /// Returns the participating cameras; `None` for cameras that do not take part.
@@ -235,6 +267,41 @@ impl<'a> Member<'a> {
             shared_lens: lens_of,
             free_lens: self.free_lens(),
         }
+    }
+
+    /// Whether a camera from points has too few control points for a position, so that a mark determines it.
+    fn points_are_of_mark(&self, site: &Site) -> bool {
+        UsedPoints::new(site, self.entry).len() < MIN_PLACED_POINTS
+    }
+
+    /// Refines a camera without lines by its control points. Without control points, its orientation and focal
+    /// length are refined by the points of its mark.
+    fn refined_by_points(&self, site: &Site) -> Option<CameraEstimate> {
+        let Self { entry, single, .. } = self;
+        let sigma = entry.sigma_px.unwrap_or(1.0);
+        let is_of_mark = self.points_are_of_mark(site);
+        let landmarks: Vec<Landmark> = if is_of_mark {
+            UsedPoints::from_mark(site, entry).landmarks(sigma)
+        } else {
+            let points = entry.control_points.iter().enumerate();
+            let used = points.filter(|(index, _)| !single.suspect_points.contains(index));
+            used.filter_map(|(_, point)| site.control_point_landmark(point, 0, sigma)).collect()
+        };
+        // Stage 1 has already rejected points.
+        let kept = landmarks.into_iter().map(|landmark| Landmark { keep: true, ..landmark });
+        let adjustment = BundleAdjustment {
+            cameras: vec![self.bundle_camera(None)],
+            landmarks: kept.collect(),
+            distances: Vec::new(),
+            planes: site.plane_priors(),
+            with_reliability: false,
+        };
+        let mut estimate = adjustment.solve_checked().cameras.pop()??;
+        if is_of_mark {
+            estimate.is_connected = false;
+            estimate.camera = unplaced(&estimate.camera);
+        }
+        Some(estimate)
     }
 
     fn initial_pose(&self) -> InitialPose {

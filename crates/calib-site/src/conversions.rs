@@ -130,7 +130,8 @@ impl Mark {
     }
 
     /// Returns the shape of the mark at a position, with a rotation in degrees.
-    pub(crate) fn shape_at(&self, at: WorldPoint, turn_deg: f64) -> MarkShape {
+    #[must_use]
+    pub fn shape_at(&self, at: WorldPoint, turn_deg: f64) -> MarkShape {
         MarkShape { kind: self.kind, at, turn: turn_deg.to_radians(), size: self.size_m.clone() }
     }
 

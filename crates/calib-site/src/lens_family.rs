@@ -1,13 +1,13 @@
 //! Lens families: cameras that share one lens. They are calibrated together, because edges in each image
 //! constrain the same lens.
 
-use crate::bundle_step::refine_lenses;
 use crate::document::{Site, SiteCamera};
 use crate::lens_cache::LensCache;
 use crate::options::Options;
 use crate::pipeline::Report;
 use crate::points_outside::SharedObservations;
 use crate::reliability::add_to_annotations;
+use crate::solution::Stage;
 
 /// Returns the id of the camera that owns the lens of this camera.
 fn owner(camera: &SiteCamera) -> &str {
@@ -41,11 +41,12 @@ impl Site {
         let lenses = self.lenses(&entries, before);
         let shared = SharedObservations::new(self, &entries);
         let single_fits = self.single_fits(&entries, &lenses, &shared, &options);
-        let refined = refine_lenses(&entries, &single_fits, self.plane_priors(), true);
+        let refined = self.refine_separately(&entries, &single_fits);
+        let how = (options.method, Stage::Placed);
         let mut report = Report::default();
         for (position, (&index, entry)) in family.iter().zip(&entries).enumerate() {
             let estimate = refined.cameras.get(position).and_then(Option::as_ref);
-            let mut result = self.finish(entry, &single_fits[position], estimate, options.method, &shared);
+            let mut result = self.finish(entry, &single_fits[position], estimate, how, &shared);
             if let (Ok(result), Some(found)) = (&mut result, refined.annotation_reliabilities.get(position)) {
                 add_to_annotations(result, found);
             }

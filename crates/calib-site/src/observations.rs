@@ -101,7 +101,9 @@ impl Site {
         shared
     }
 
-    fn control_point_landmark(
+    /// Returns the landmark of a control point. `noise` is the standard deviation of its pixel coordinates if it
+    /// has none itself, in pixels. `None` if the position is unknown.
+    pub(crate) fn control_point_landmark(
         &self,
         point: &ControlPointEntry,
         camera: usize,

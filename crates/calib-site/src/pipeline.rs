@@ -94,15 +94,17 @@ impl Site {
         let bundle = match options.method {
             Method::Paper => BundleResult::default(),
             _ if is_joint => self.bundle_adjust(&single_fits),
-            _ => refine_lenses(&entries, &single_fits, self.plane_priors(), true),
+            _ => self.refine_separately(&entries, &single_fits),
         };
+        let joined_stage = if is_joint { Stage::Refined } else { Stage::Placed };
         let is_requested =
             |camera: &SiteCamera| options.cameras.as_ref().is_none_or(|ids| ids.contains(&camera.id));
         let mut results: Vec<(usize, Result<CameraResult, Failure>)> = (0..self.cameras.len())
             .filter(|&index| is_requested(&self.cameras[index]))
             .map(|index| {
                 let joined = bundle.cameras.get(index).and_then(Option::as_ref);
-                (index, self.finish(entries[index], &single_fits[index], joined, options.method, &shared))
+                let how = (options.method, joined_stage);
+                (index, self.finish(entries[index], &single_fits[index], joined, how, &shared))
             })
             .collect();
         let triangulated = bundle.triangulated();
@@ -262,13 +264,14 @@ impl Site {
         .map(|(evidence, count)| Finding::UnusedEvidence { evidence, count })
     }
 
-    /// Completes the result of a camera: takes its joint estimate or places it separately, and adds findings.
+    /// Completes the result of a camera: takes its joint estimate, which has the stage `joined_stage`, or
+    /// places it separately, and adds findings.
     pub(crate) fn finish(
         &self,
         entry: &SiteCamera,
         first: &Result<SingleFit, Failure>,
         joined: Option<&CameraEstimate>,
-        method: Method,
+        (method, joined_stage): (Method, Stage),
         shared: &SharedObservations,
     ) -> Result<CameraResult, Failure> {
         let first = first.as_ref().map_err(Clone::clone)?;
@@ -291,7 +294,7 @@ impl Site {
                 let _ = self.place(entry, single, &first.suspect_points, &mut conflicts);
                 conflicts.retain(|finding: &Finding| finding.code() == Code::ScaleConflict);
                 result.findings.extend(conflicts);
-                (joined.camera, Stage::Refined)
+                (joined.camera, joined_stage)
             }
             _ => self.place(entry, own, &first.suspect_points, &mut result.findings),
         };

@@ -4,6 +4,7 @@
 use crate::camera_result::CameraResult;
 use crate::document::{Mark, Site, SiteCamera};
 use crate::solution::{Alternative, Method, Solution, Stage};
+use calib_core::bundle::{Landmark, Observation};
 use calib_core::camera::{Camera, Covariance, Lens, WorldPoint};
 use calib_core::floor::{ControlPoint, view_angle};
 use calib_core::optimize::is_misfit;
@@ -86,6 +87,13 @@ impl UsedPoints {
             sigma: entry.sigma_px.unwrap_or(1.0),
             position_sigmas: &self.position_sigmas,
         }
+    }
+
+    /// Returns exact points as landmarks of a bundle adjustment with one camera. `sigma` is the standard
+    /// deviation of a pixel coordinate, in pixels.
+    pub(crate) fn landmarks(&self, sigma: f64) -> Vec<Landmark> {
+        let seen = |pixel| vec![Observation { sigma, ..Observation::new(0, pixel) }];
+        self.points.iter().map(|point| Landmark::measured(point.world, None, seen(point.pixel))).collect()
     }
 
     pub(crate) fn len(&self) -> usize {
@@ -198,18 +206,22 @@ pub(crate) fn priors_from(camera: &Camera, spread: f64, entered: &Priors) -> Pri
     }
 }
 
-/// Returns the result of stage 1 of a camera that only control points determine. Stage 2 places it.
-pub(crate) fn from_points(entry: &SiteCamera, found: &PointFit) -> CameraResult {
-    let placed = found.camera;
-    let mut covariance = placed.covariance;
+/// Returns the camera above the origin with yaw 0: the result of stage 1. Position and yaw are exact.
+pub(crate) fn unplaced(camera: &Camera) -> Camera {
+    let mut covariance = camera.covariance;
     for index in [Covariance::X, Covariance::Y, Covariance::YAW] {
         for k in 0..Covariance::SIZE {
             covariance.0[index][k] = 0.0;
             covariance.0[k][index] = 0.0;
         }
     }
-    let position = WorldPoint::new(0.0, 0.0, placed.position.z);
-    let camera = Camera { position, yaw: 0.0, covariance, ..placed };
+    let position = WorldPoint::new(0.0, 0.0, camera.position.z);
+    Camera { position, yaw: 0.0, covariance, ..*camera }
+}
+
+/// Returns the result of stage 1 of a camera that only control points determine. Stage 2 places it.
+pub(crate) fn from_points(entry: &SiteCamera, found: &PointFit) -> CameraResult {
+    let camera = unplaced(&found.camera);
     let mut solution = Solution::from_camera(&camera, Method::MaximumLikelihood, Stage::Partial);
     solution.set_uncertainty(&camera, None);
     solution.chi2 = Some(found.chi2);
