@@ -7,10 +7,10 @@ mod desk;
 use calib_app::keys;
 use calib_app::state::Place;
 use calib_core::single::Shape;
-use calib_core::{FloorPoint, Kind, Pixel, WorldPoint};
+use calib_core::{FloorPoint, Kind, MarkKind, Pixel, WorldPoint};
 use calib_editor::command::Gesture;
 use calib_editor::{Action, Pane, Part, TOOLS, plan_scale};
-use calib_site::{Site, Stage};
+use calib_site::{Mark, Options, Site, Stage};
 use calib_tests::Scratch;
 use desk::{Desk, demo};
 use egui::{Key, Modifiers, Pos2};
@@ -251,7 +251,7 @@ fn pinned_marks_solve_cameras_without_a_plan() {
             desk.harness.run_steps(2);
             let px = seen.px.unwrap();
             if i == 0 {
-                desk.app().act(Action::MarkKind(calib_core::MarkKind::Cross));
+                desk.app().act(Action::MarkKind(MarkKind::Cross));
                 desk.take("Mark");
                 desk.click(Pane::Image(camera), px.into());
                 desk.take("Select");
@@ -502,4 +502,43 @@ fn thousand_random_gestures_are_undone_exactly() {
         assert!(desk.site().to_json() == before.to_json(), "run {run}");
         assert!(*desk.site() == before, "run {run}");
     }
+}
+
+#[test]
+fn corners_of_a_rectangle_calibrate_a_camera_without_lines() {
+    let truth = demo().calibrate(&Options::default()).cameras.remove(0).1.unwrap();
+    let camera = truth.camera().unwrap();
+    let share = 1.0 / truth.efov_m.len() as f64;
+    let centre = truth.efov_m.iter().fold([0.0; 2], |sum, at| [sum[0] + share * at.x, sum[1] + share * at.y]);
+    // Clockwise seen from above; the first side is the width.
+    let corners = [[-1.5, -1.0], [-1.5, 1.0], [1.5, 1.0], [1.5, -1.0]];
+    let corners = corners
+        .map(|[x, y]| camera.world_to_pixel(WorldPoint::new(centre[0] + x, centre[1] + y, 0.0)).unwrap());
+    let mut site = blank();
+    site.cameras.truncate(1);
+    let mut desk = Desk::new(site);
+    desk.take("Mark");
+    desk.app().act(Action::MarkKind(MarkKind::Rectangle));
+    let image = Pane::Image(0);
+    for (index, corner) in corners.iter().enumerate() {
+        let editor = &desk.app().editor;
+        let hint = editor.tool().hint(editor.session());
+        assert!(hint.contains("corner"), "{index}: {hint}");
+        desk.click(image, (*corner).into());
+    }
+    assert_eq!(desk.site().marks[0].seen.len(), 4);
+    let sized = Mark { size_m: vec![2.0, 3.0], ..desk.site().marks[0].clone() };
+    desk.app().act(Action::SetMark { index: 0, mark: Box::new(sized), name: "change M1".into() });
+    let session = desk.app().editor.session();
+    let pose = *session.solved.pose(0).unwrap();
+    let mark = &session.site.marks[0];
+    for seen in &mark.seen {
+        let shown = pose.world_to_pixel(mark.shape().point(&seen.point).unwrap()).unwrap();
+        assert!(shown.distance(seen.px) < 3.0, "the drawn mark follows its corners: {shown:?} {seen:?}");
+    }
+    assert!((pose.focal / camera.focal - 1.0).abs() < 0.05, "{} for {}", pose.focal, camera.focal);
+    assert!((pose.position.z / camera.position.z - 1.0).abs() < 0.05, "{:?}", pose.position);
+    desk.undo();
+    desk.undo();
+    assert!(desk.site().marks.is_empty() && desk.app().editor.session().solved.pose(0).is_none());
 }

@@ -396,23 +396,18 @@ impl Solved {
     }
 }
 
-/// Two floor positions of one corner, in metres: according to the new camera without placement, and according
-/// to the previous camera.
-type Pair = ([f64; 2], [f64; 2]);
+/// Two floor positions of one point, in metres: before and after a similarity.
+pub(crate) type FloorPair = ([f64; 2], [f64; 2]);
 
 /// Returns the placement of the camera `after` for which its floor polygon is closest to the floor polygon of
 /// the camera `before`. `corners` are raw pixels. `None` if the corners do not determine a placement.
-///
-/// Least squares of a similarity over the corners: `b = translation + scale e^(i rotation) a`. The complex
-/// numbers `a` and `b` are the floor positions of a corner (x + i y) according to `after` without placement
-/// and to `before`.
 #[must_use]
 pub(crate) fn keep_polygon(before: &Camera, after: &Camera, corners: &[Pixel]) -> Option<Placement> {
     /// Largest distance on the floor from the camera to a corner, in camera heights. Farther corners are too
     /// uncertain and are not used.
     const MAX_CORNER_DISTANCE_HEIGHTS: f64 = 30.0;
     let unplaced = Placement::NONE.apply(after);
-    let pairs: Vec<Pair> = corners
+    let pairs: Vec<FloorPair> = corners
         .iter()
         .filter_map(|&pixel| {
             let (a, b) = (unplaced.pixel_to_floor(pixel, 0.0)?, before.pixel_to_floor(pixel, 0.0)?);
@@ -420,15 +415,23 @@ pub(crate) fn keep_polygon(before: &Camera, after: &Camera, corners: &[Pixel]) -
                 .then(|| (a.into(), b.into()))
         })
         .collect();
+    similarity(&pairs)
+}
+
+/// Returns the similarity of the floor that maps the first points of the pairs to the second ones with least
+/// squares: `b = translation + scale e^(i rotation) a`, for the complex numbers `a` and `b` (x + i y). `None`
+/// if the pairs do not determine it.
+#[must_use]
+pub(crate) fn similarity(pairs: &[FloorPair]) -> Option<Placement> {
     if pairs.len() < 2 {
         return None;
     }
     let count = pairs.len() as f64;
-    let mean = |of: fn(&Pair) -> f64| pairs.iter().map(of).sum::<f64>() / count;
+    let mean = |of: fn(&FloorPair) -> f64| pairs.iter().map(of).sum::<f64>() / count;
     let (ax, ay) = (mean(|p| p.0[0]), mean(|p| p.0[1]));
     let (bx, by) = (mean(|p| p.1[0]), mean(|p| p.1[1]));
     let (mut re, mut im, mut square) = (0.0, 0.0, 0.0);
-    for (a, b) in &pairs {
+    for (a, b) in pairs {
         let (a, b) = ([a[0] - ax, a[1] - ay], [b[0] - bx, b[1] - by]);
         re += a[0] * b[0] + a[1] * b[1];
         im += a[0] * b[1] - a[1] * b[0];

@@ -5,7 +5,7 @@
 use calib_core::outcome::DisconnectionReason;
 use calib_core::single::straightness_rms;
 use calib_core::{Code, Finding, Kind, Parameter, Severity, Subject};
-use calib_site::{Distance, Names, Report, Site, Stage, Warning, counted};
+use calib_site::{Distance, Mark, Names, Report, Site, SiteCamera, Stage, Warning, counted};
 
 use crate::session::Session;
 
@@ -189,13 +189,27 @@ fn placement_state(session: &Session, camera: usize) -> String {
     let Some(entry) = session.site.cameras.get(camera) else { return String::new() };
     match (solution, session.is_fixed_by_control_points(camera)) {
         (Some(_), _) if session.solved.is_out_of_date(camera) => "changed since the last Refine".into(),
-        (Some(_), true) => counted(entry.control_points.len(), "control point", "control points"),
+        (Some(_), true) => {
+            let used = entry.control_points.iter().filter(|point| !point.off).count();
+            counted(used, "control point", "control points")
+        }
         (Some(solution), false) if solution.stage == Stage::Refined => "refined with other cameras".into(),
         (Some(_), false) => "placed by hand".into(),
         (None, _) if session.site.plan.is_some() && entry.annotations.is_empty() => {
             "click 4 points, here and on the plan".into()
         }
         (None, _) => "place on the plan, or add links".into(),
+    }
+}
+
+/// Describes the points that determine a camera without lines: its control points, or those of a mark.
+fn points_state(session: &Session, entry: &SiteCamera) -> String {
+    let used = entry.control_points.iter().filter(|point| !point.off).count();
+    let pins = |mark: &&Mark| mark.seen.iter().filter(|seen| seen.camera == entry.id).count();
+    let marks = session.site.marks.iter().enumerate().filter(|(_, mark)| !mark.off);
+    match marks.max_by_key(|(_, mark)| pins(mark)) {
+        Some((index, mark)) if used < 3 && pins(&mark) > 0 => format!("from mark {}", mark.label(index)),
+        _ => format!("from {}", counted(used, "control point", "control points")),
     }
 }
 
@@ -215,10 +229,9 @@ pub fn steps(session: &Session, camera: usize) -> Vec<Step> {
     let directions = parallels.1 + angles.0;
     let corners = entry.efov_px.as_ref().map_or(0, Vec::len);
     let placed = solution.is_some_and(|solution| solution.stage >= Stage::Placed);
-    // Control points alone may determine a camera. Then it needs no lines.
-    let is_from_points = placed && plumb + floor == 0 && session.is_fixed_by_control_points(camera);
-    let from_points =
-        || format!("from {}", counted(entry.control_points.len(), "control point", "control points"));
+    // Control points or the corners of a mark may determine a camera. Then it needs no lines.
+    let is_from_points = plumb + floor == 0 && session.solved.pose(camera).is_some() && !entry.is_given();
+    let from_points = || points_state(session, entry);
     let step = |title, state: String, is_done, is_optional| {
         let is_contradicted = is_done && contradicted.contains(&title);
         Step { title, state, is_done, is_optional, is_contradicted }

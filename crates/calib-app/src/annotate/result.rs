@@ -42,11 +42,9 @@ pub(crate) fn empty_field(
     entered
 }
 
-/// Parses a length in the units of the site; returns metres, or `None` for invalid text.
+/// Parses a length in the units of the site, or with its unit; returns metres, or `None` for invalid text.
 fn metres_in(text: &str, units: Units) -> Option<f64> {
-    let text = text.trim().trim_end_matches(units.symbol()).trim().replace(',', ".");
-    let metres = text.parse::<f64>().ok()? * units.metres();
-    (metres.is_finite() && (1e-3..1e5).contains(&metres)).then_some(metres)
+    units.parse_length(text).filter(|metres| (1e-3..1e5).contains(metres))
 }
 
 /// Shows fields for a measured length and its standard deviation; returns whether one of them was changed.

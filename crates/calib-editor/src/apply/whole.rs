@@ -11,6 +11,7 @@ use crate::editor::Editor;
 use crate::images::images_mut;
 use crate::import;
 use crate::session::Session;
+use crate::tools::move_to_pins;
 
 impl Editor {
     pub(super) fn set_control(&mut self, index: usize, point: ControlPointEntry) {
@@ -34,7 +35,12 @@ impl Editor {
     pub(super) fn set_mark(&mut self, index: usize, mark: Mark, name: String) {
         self.cancel();
         if let Some(own) = self.session.site.marks.get_mut(index) {
+            let is_resized = own.size_m != mark.size_m;
             *own = mark;
+            if is_resized {
+                self.session.solve();
+                move_to_pins(&mut self.session, index);
+            }
         }
         self.session.commit(name);
     }

@@ -1,12 +1,14 @@
-//! Mark tool. Virtual elements are created on the floor, dragged in any view, and pinned to pixels with Alt.
+//! Mark tool. Virtual elements are created on the floor, dragged in any view, and pinned to pixels with Alt. A
+//! rectangle is created from its four corners in the image of a camera without a pose.
 
 use calib_core::{ControlPoint, MarkKind, Pixel, Placement, WorldPoint};
 
-use calib_site::{Mark, MarkObservation, Site};
+use calib_site::{Mark, MarkObservation, Site, Stage};
 
 use crate::edit;
 use crate::hit::Part;
 use crate::session::Session;
+use crate::solved::{FloorPair, similarity};
 use crate::tools::place::{SNAP_M, fit_pins, round};
 use crate::tools::{Pane, Phase, Pointer, Tool};
 
@@ -41,6 +43,49 @@ fn add_mark(site: &mut Site, kind: MarkKind, at: [f64; 2]) -> usize {
         solution: None,
     });
     site.marks.len() - 1
+}
+
+/// Returns the names of the corners of a rectangle whose pixels are in this order around it. The first side is
+/// its width. Returns `None` if the sides cross or a corner points inwards.
+fn corner_names(corners: &[Pixel; 4]) -> Option<[&'static str; 4]> {
+    let turn = |i: usize| {
+        let [a, b, c] = [0, 1, 2].map(|k| corners[(i + k) % 4]);
+        (b.u - a.u) * (c.v - b.v) - (b.v - a.v) * (c.u - b.u)
+    };
+    let turns: [f64; 4] = std::array::from_fn(turn);
+    // The names are counter-clockwise seen from above, and the v axis of an image points down.
+    if turns.iter().all(|&turn| turn < 0.0) {
+        Some(["c0", "c1", "c2", "c3"])
+    } else if turns.iter().all(|&turn| turn > 0.0) {
+        Some(["c1", "c0", "c3", "c2"])
+    } else {
+        None
+    }
+}
+
+/// Moves a mark to its pinned points, as a camera that is not placed sees them on the floor. The position of
+/// such a camera is arbitrary, so the mark can be anywhere.
+pub(crate) fn move_to_pins(session: &mut Session, index: usize) {
+    let Some(mark) = session.site.marks.get(index).filter(|mark| !mark.fixed) else { return };
+    let local = mark.shape_at(WorldPoint { z: mark.at_m.z, ..WorldPoint::default() }, 0.0);
+    let pairs = |camera: usize| {
+        let own = mark.seen.iter().filter(|seen| seen.camera == session.site.cameras[camera].id);
+        let pair = |seen: &MarkObservation| {
+            let shown = session.solved.pose(camera)?.pixel_to_floor(seen.px, mark.at_m.z)?;
+            let WorldPoint { x, y, .. } = local.point(&seen.point)?;
+            Some(([x, y], shown.into()))
+        };
+        own.filter_map(pair).collect::<Vec<FloorPair>>()
+    };
+    let is_unplaced = |&camera: &usize| {
+        session.solved.solution(camera).is_some_and(|solution| solution.stage == Stage::Partial)
+    };
+    let cameras = (0..session.site.cameras.len()).filter(is_unplaced);
+    let placement = cameras.map(pairs).max_by_key(Vec::len).and_then(|pairs| similarity(&pairs));
+    let (Some(placement), Some(mark)) = (placement, session.site.marks.get_mut(index)) else { return };
+    let rounded = |value: f64| (1000.0 * value).round() / 1000.0;
+    [mark.at_m.x, mark.at_m.y] = [placement.by.x, placement.by.y].map(rounded);
+    mark.turn_deg = rounded(placement.turn.to_degrees());
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -194,22 +239,105 @@ impl MarkDrag {
     }
 }
 
+/// Corners of a rectangle that are clicked one after the other in the image of a camera without a pose.
+#[derive(Clone, Debug)]
+struct Corners {
+    camera: usize,
+    set: Vec<Pixel>,
+    /// Position of the pointer.
+    end: Pixel,
+}
+
+impl Corners {
+    /// Whether the first click at the pointer sets a corner: a rectangle is chosen, and its camera has no pose.
+    fn start_at(session: &Session, camera: usize) -> bool {
+        session.tool.mark_kind == MarkKind::Rectangle && session.solved.pose(camera).is_none()
+    }
+
+    /// Creates the rectangle, and solves its camera.
+    fn finish(&self, session: &mut Session, corners: &[Pixel; 4]) {
+        let Some(names) = corner_names(corners) else {
+            session.note =
+                Some("These corners are not around a rectangle. Click them one after the other.".into());
+            return;
+        };
+        let Some(id) = session.site.cameras.get(self.camera).map(|entry| entry.id.clone()) else { return };
+        let mark = add_mark(&mut session.site, MarkKind::Rectangle, [0.0, 0.0]);
+        let pins = names.iter().zip(corners);
+        session.site.marks[mark].seen =
+            pins.map(|(&name, &px)| MarkObservation { camera: id.clone(), point: name.into(), px }).collect();
+        session.selection = [Part::Mark(mark)].into();
+        session.solve();
+        move_to_pins(session, mark);
+        let name = session.part_name(Part::Mark(mark));
+        session.commit(format!("add {name}"));
+        session.note = Some("Choose the court, or enter width and depth, under Marks.".into());
+    }
+
+    fn hint(&self) -> &'static str {
+        match self.set.len() {
+            1 => "Click corner 2 of 4, at the other end of the width.",
+            2 => "Click corner 3 of 4, the next one around the rectangle.",
+            _ => "Click corner 4 of 4.",
+        }
+    }
+}
+
 /// Tool that creates marks; the operator selects their kind in the panel.
 #[derive(Debug, Default)]
 pub(super) struct Marking {
     drag: Option<MarkDrag>,
+    corners: Option<Corners>,
+}
+
+impl Marking {
+    /// Processes a pointer event of a rectangle that is created from its corners. Returns whether there is one.
+    fn set_corners(&mut self, session: &mut Session, pointer: &Pointer) -> bool {
+        let Some((camera, at)) = pointer.pixel() else { return self.corners.is_some() };
+        let is_click = pointer.phase == Phase::Release;
+        match &mut self.corners {
+            None if pointer.phase == Phase::Press && Corners::start_at(session, camera) => {
+                session.select_camera(camera);
+                self.corners = Some(Corners { camera, set: Vec::new(), end: at });
+            }
+            None => return false,
+            Some(corners) if corners.camera == camera => {
+                corners.end = at;
+                let is_new = corners.set.last().is_none_or(|last| last.distance(at) > 0.5 * pointer.radius);
+                if is_click && is_new {
+                    corners.set.push(at);
+                }
+            }
+            Some(_) => {}
+        }
+        if let Some(corners) = self.corners.take_if(|corners| corners.set.len() == 4)
+            && let Ok(all) = <[Pixel; 4]>::try_from(&corners.set[..])
+        {
+            corners.finish(session, &all);
+        }
+        true
+    }
 }
 
 impl Tool for Marking {
     fn pointer(&mut self, session: &mut Session, pointer: &Pointer) {
+        if self.drag.is_none() && self.set_corners(session, pointer) {
+            return;
+        }
         match (&self.drag, pointer.phase) {
             (None, Phase::Press) => {
                 if let Some((camera, _)) = pointer.pixel() {
                     session.select_camera(camera);
                 }
                 let Some(at) = pointer.floor(session, 0.0) else {
-                    session.note =
-                        Some("No floor there. Click below the horizon of a calibrated camera.".into());
+                    let is_solved =
+                        pointer.pixel().is_none_or(|(camera, _)| session.solved.pose(camera).is_some());
+                    let note = if is_solved {
+                        "No floor there. Click below the horizon."
+                    } else {
+                        "This camera is not calibrated. Draw its lines, or choose the rectangle and click its corners."
+                    };
+                    session.note = Some(note.into());
                     return;
                 };
                 let kind = session.tool.mark_kind;
@@ -233,17 +361,42 @@ impl Tool for Marking {
     }
 
     fn cancel(&mut self) {
-        self.drag = None;
+        (self.drag, self.corners) = (None, None);
+    }
+
+    fn step_back(&mut self, _: &mut Session) -> bool {
+        let Some(corners) = &mut self.corners else { return false };
+        corners.set.pop();
+        self.corners.take_if(|corners| corners.set.is_empty());
+        true
     }
 
     fn is_idle(&self) -> bool {
-        self.drag.is_none()
+        self.drag.is_none() && self.corners.is_none()
     }
 
-    fn hint(&self, _: &Session) -> String {
-        match &self.drag {
-            None => "Click the floor, in any view or on the plan, to set a mark.".into(),
-            Some(_) => "Release to set the mark here.".into(),
+    fn hint(&self, session: &Session) -> String {
+        match (&self.drag, &self.corners) {
+            (Some(_), _) => "Release to set the mark here.".into(),
+            (None, Some(corners)) => corners.hint().into(),
+            (None, None) if Corners::start_at(session, session.camera) => {
+                "Click the corners of a court or another rectangle, the two ends of its width first.".into()
+            }
+            (None, None) => "Click the floor, in any view or on the plan, to set a mark.".into(),
         }
+    }
+
+    fn dragged_point(&self) -> Option<(Pane, [f64; 2])> {
+        let corners = self.corners.as_ref()?;
+        Some((Pane::Image(corners.camera), corners.end.into()))
+    }
+
+    fn preview_lines(&self, pane: Pane) -> Vec<Vec<[f64; 2]>> {
+        let corners = self.corners.iter().filter(|corners| pane == Pane::Image(corners.camera));
+        let line = |Corners { set, end, .. }: &Corners| {
+            let first = set.first().filter(|_| set.len() > 1);
+            set.iter().chain([end]).chain(first).map(|&pixel| pixel.into()).collect()
+        };
+        corners.map(line).collect()
     }
 }
