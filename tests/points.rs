@@ -162,8 +162,7 @@ fn uncertainty_from_points_is_known_without_a_joint_solve() {
     let sigma = solution.sigma.unwrap();
     // Both include the unknown principal point.
     let ratio = |of: fn(&calib_site::Sigmas) -> Option<f64>| of(&sigma).unwrap() / of(&joint).unwrap();
-    for ratio in [ratio(|s| s.focal_px), ratio(|s| s.pitch_deg), ratio(|s| s.z_m), ratio(|s| s.yaw_deg)]
-    {
+    for ratio in [ratio(|s| s.focal_px), ratio(|s| s.pitch_deg), ratio(|s| s.z_m), ratio(|s| s.yaw_deg)] {
         assert!((0.999..1.001).contains(&ratio), "{sigma:?} and {joint:?}");
     }
     assert!(sigma.floor_length_rel.unwrap() < 0.05, "{sigma:?}");

@@ -232,6 +232,7 @@ fn switch(app: &mut App, ctx: &Context, command: Switch) {
         Switch::Above => &mut app.view.above,
         Switch::Coverage => &mut app.view.coverage,
         Switch::Blend => &mut app.view.blend,
+        Switch::Magnify => &mut app.view.magnified,
         Switch::Shortcuts => &mut app.dialogs.shortcuts,
         Switch::About => &mut app.dialogs.about,
         Switch::Snap => return app.act(Action::ToggleSnap),

@@ -112,7 +112,7 @@ pub(crate) fn shortcut_text(ui: &Ui, keys: KeyboardShortcut) -> String {
 /// Commands of the context menu of the plan, in groups.
 const PLAN_MENU: [&[Command]; 3] = [
     &[Command::FixPlacement, Command::ResetPlacement, Command::Refine],
-    &[Command::Coverage, Command::Blend, Command::Snap, Command::Beside],
+    &[Command::Coverage, Command::Magnify, Command::Blend, Command::Snap, Command::Beside],
     &[Command::Fit, Command::SavePicture],
 ];
 /// Commands of the context menu of an image, in groups.

@@ -353,6 +353,7 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
         opacity: app.opacity(ui.ctx()),
         blend: app.view.blend,
         coverage: app.view.coverage,
+        ellipses: app.ellipse_size(),
         before: &before,
     };
     floor.paint_plan(&painter, &pieces);

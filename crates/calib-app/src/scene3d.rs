@@ -9,8 +9,7 @@ use calib_site::SiteCamera;
 use egui::{Align2, Color32, Painter, Pos2, Rect, Vec2};
 
 use crate::paint::{Pen, chip, handle, line, tag};
-use crate::plan::floor::{MAGNIFIED, SIGMAS};
-use crate::state::{NEAR, Orbit};
+use crate::state::{EllipseSize, NEAR, Orbit};
 use crate::theme::{self, on_image};
 
 /// Paints the 3-D scene; `plan` is the texture of the plan with its size in pixels.
@@ -18,7 +17,7 @@ pub fn paint(
     painter: &Painter,
     rect: Rect,
     (orbit, is_dark): (&Orbit, bool),
-    session: &Session,
+    (session, ellipses): (&Session, EllipseSize),
     plan: Option<(egui::TextureId, [u32; 2])>,
 ) {
     if let Some((texture, size)) = plan {
@@ -31,7 +30,7 @@ pub fn paint(
         }
     }
     for index in 0..session.site.cameras.len() {
-        paint_camera(painter, rect, (orbit, is_dark), session, index);
+        paint_camera(painter, rect, (orbit, is_dark), (session, ellipses), index);
     }
 }
 
@@ -107,7 +106,7 @@ fn paint_camera(
     painter: &Painter,
     rect: Rect,
     (orbit, is_dark): (&Orbit, bool),
-    session: &Session,
+    (session, ellipses): (&Session, EllipseSize),
     index: usize,
 ) {
     let (Some(entry), Some(pose), Some(solution)) =
@@ -142,7 +141,7 @@ fn paint_camera(
     }
     let foot = pose.position.on_floor().at_height(0.0);
     polyline(painter, rect, orbit, &[pose.position, foot], thin(1.0).dashed(&[2.0, 4.0]));
-    if let Some(mut outline) = position_ellipse(pose, SIGMAS * MAGNIFIED) {
+    if let Some(mut outline) = position_ellipse(pose, ellipses.sigmas()) {
         outline.extend(outline.first().copied());
         let outline: Vec<WorldPoint> = outline.into_iter().map(|point| point.at_height(0.0)).collect();
         polyline(painter, rect, orbit, &outline, thin(1.25));

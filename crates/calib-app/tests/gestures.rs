@@ -540,5 +540,14 @@ fn corners_of_a_rectangle_calibrate_a_camera_without_lines() {
     assert!((pose.position.z / camera.position.z - 1.0).abs() < 0.05, "{:?}", pose.position);
     desk.undo();
     desk.undo();
+    // Backspace removes a corner, and Esc cancels the rectangle.
+    desk.take("Mark");
+    desk.click(image, corners[0].into());
+    desk.click(image, corners[1].into());
+    desk.key(Key::Backspace);
+    let editor = &desk.app().editor;
+    assert!(editor.tool().hint(editor.session()).contains("corner 2"));
+    desk.key(Key::Escape);
+    assert!(desk.app().editor.tool().is_idle());
     assert!(desk.site().marks.is_empty() && desk.app().editor.session().solved.pose(0).is_none());
 }

@@ -8,8 +8,9 @@ use calib_app::choice::{Chosen, Purpose};
 use calib_app::command::{self, Command};
 use calib_app::state::Place;
 use calib_app::storage::files::Images;
-use calib_core::{Kind, Pixel};
+use calib_core::{Annotation, Kind, Pixel, WorldPoint};
 use calib_editor::{Action, Pane, PlanHandle, TOOLS, Units, plan_handles};
+use calib_site::Site;
 use calib_tests::Scratch;
 use desk::{Desk, demo, still};
 use egui::{Event, Key, Modifiers, Pos2, Vec2};
@@ -47,7 +48,49 @@ fn lengths_are_shown_in_metres_or_feet_and_stored_in_metres() {
     let left: Vec<&str> = feet.lines().filter(metres).collect();
     assert!(left.is_empty(), "{left:?}");
     assert!(feet.contains(" ft"), "{feet}");
-    assert!(*desk.site() == before, "the site differs");
+    assert!(*desk.site() == Site { units: Units::Feet, ..before }, "the site differs");
+}
+
+#[test]
+fn lengths_of_unknown_scale_are_multiples_of_the_camera_height() {
+    let mut site = demo();
+    site.cameras.truncate(1);
+    let camera = &mut site.cameras[0];
+    (camera.placement, camera.height_m) = (None, None);
+    camera.control_points.clear();
+    camera.annotations.retain(|drawn| !matches!(drawn.kind, Kind::Upright | Kind::KnownLength));
+    (site.links, site.marks, site.distances) = (Vec::new(), Vec::new(), Vec::new());
+    let mut desk = Desk::new(site);
+    desk.key(Key::Num1);
+    let middle = desk.harness.ctx.content_rect().center() + Vec2::new(80.0, 120.0);
+    desk.harness.hover_at(middle);
+    desk.harness.run_steps(2);
+    let shown = words(&desk);
+    assert!(shown.contains("camera height"), "{shown}");
+    assert!(shown.contains("Height, assumed") && shown.contains("Length on the floor, ratio"), "{shown}");
+    // The result offers the annotations that determine the scale.
+    desk.harness.get_by_label_contains("Draw a person, a door").click();
+    desk.harness.run_steps(2);
+    desk.harness.get_by_label_contains("Person or door").click();
+    desk.harness.run_steps(2);
+    // The new upright waits for its height.
+    let camera = *desk.app().editor.session().solved.pose(0).unwrap();
+    let foot = camera.pixel_to_floor(Pixel::new(900.0, 700.0), 0.0).unwrap();
+    let ends = [0.0, 1.0].map(|z| camera.world_to_pixel(WorldPoint::new(foot.x, foot.y, z)).unwrap());
+    desk.line(0, ends[0], ends[1]);
+    assert!(desk.site().cameras[0].annotations.last().unwrap().off);
+    assert!(!desk.app().editor.session().solved.scale_is_known(0));
+    let last = desk.site().cameras[0].annotations.len() - 1;
+    let sized = Annotation { off: false, ..desk.site().cameras[0].annotations[last].clone() };
+    let change = Action::Annotate { index: last, annotation: Box::new(sized), name: "size".into() };
+    desk.app().act(change);
+    assert!(desk.app().editor.session().solved.scale_is_known(0));
+    desk.harness.run_steps(2);
+    assert!(!words(&desk).contains("camera height"));
+    // The next upright has the size of the last one.
+    desk.take("Upright");
+    desk.line(0, ends[0], ends[1]);
+    assert!(!desk.site().cameras[0].annotations.last().unwrap().off);
 }
 
 #[test]
@@ -590,7 +633,7 @@ fn image_circle_is_detected_removed_and_detected_again() {
     let mut png = std::io::Cursor::new(Vec::new());
     picture.write_to(&mut png, image::ImageFormat::Png).unwrap();
     scratch.write("ceiling.png", png.get_ref());
-    let mut desk = Desk::new(calib_site::Site::new());
+    let mut desk = Desk::new(Site::new());
     desk.answer(Some(scratch.path("ceiling.png")));
     desk.tell(Command::AddImages);
     desk.wait(|app| !app.editor.site().cameras.is_empty() && !app.is_working());

@@ -35,6 +35,9 @@
 // Box as centre, width and height.
 #define CALIB_BOX_CENTRE_SIZE 2
 
+// Box as centre, width and height, as fractions of the width and height of the stream (YOLO).
+#define CALIB_BOX_FRACTIONS 3
+
 // Mapped; inside the effective field of view (EFOV), or, for world points, inside the image.
 #define CALIB_STATUS_OK 0
 

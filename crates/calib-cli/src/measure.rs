@@ -203,7 +203,7 @@ fn as_json(kind: MeasurementKind, Measured { value, sigma }: Measured) -> Value 
 /// Returns the result in the units of the site, as a sentence for the terminal.
 fn as_text(kind: MeasurementKind, found: Measured, units: Units) -> String {
     let symbol = units.symbol();
-    let (unit, si) = match kind {
+    let (unit, size) = match kind {
         MeasurementKind::Length | MeasurementKind::Height => (symbol.to_owned(), units.metres()),
         MeasurementKind::Area => (format!("{symbol}\u{b2}"), units.metres() * units.metres()),
         MeasurementKind::Speed => (format!("{symbol}/s"), units.metres()),
@@ -213,8 +213,8 @@ fn as_text(kind: MeasurementKind, found: Measured, units: Units) -> String {
         (MeasurementKind::Speed, Units::Feet) => format!(" ({:.1} mph)", found.value / MILE_PER_HOUR),
         _ => String::new(),
     };
-    let value = found.value / si;
-    match found.sigma.map(|sigma| sigma / si) {
+    let value = found.value / size;
+    match found.sigma.map(|sigma| sigma / size) {
         Some(sigma) => {
             let digits = decimals(sigma);
             format!("{value:.digits$} {unit} \u{b1} {sigma:.digits$} {unit}{speed}")

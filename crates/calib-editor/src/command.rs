@@ -252,6 +252,7 @@ commands! {
         Above "Show or hide the top view of the floor" NONE Y;
         Coverage "Show or hide the coverage on the plan";
         Blend "Show the images of all cameras on the plan";
+        Magnify "Draw uncertainty ellipses 10 times larger";
         Snap "Snap to 10 cm and 5\u{b0} on the plan";
         Feet "Switch between metres and feet";
         Palette "Commands" CTRL K;

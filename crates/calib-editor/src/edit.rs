@@ -13,7 +13,7 @@ use crate::session::Session;
 
 /// Prior on the height of an upright until the operator enters another height: mean and standard deviation,
 /// in metres.
-const DEFAULT_UPRIGHT_HEIGHT_M: Known = Known::prior(1.75, 0.07);
+const UNKNOWN_UPRIGHT_HEIGHT_M: Known = Known::prior(1.75, 0.07);
 
 /// Returns the raw pixel of a point for editing; `None` for parts that are not a single point.
 pub fn pixel_mut(site: &mut Site, camera: usize, part: Part) -> Option<&mut Pixel> {
@@ -128,10 +128,15 @@ pub fn add_line(entry: &mut SiteCamera, kind: Kind, line: Vec<Pixel>, fresh: boo
             Part::Line { annotation: entry.annotations.len() - 1, segment: 0 }
         }
         Shape::FootAndHead => {
-            let height =
-                last.and_then(|index| entry.annotations[index].height_m).unwrap_or(DEFAULT_UPRIGHT_HEIGHT_M);
             let (foot, head) = (line.first().copied(), line.last().copied());
-            let drawn = Annotation { foot, head, height_m: Some(height), ..Annotation::new(kind) };
+            let drawn = Annotation { foot, head, ..Annotation::new(kind) };
+            // The next upright is like the last one. Without a size, an upright is switched off until the operator
+            // enters one.
+            let known = last.map(|index| &entry.annotations[index]).filter(|last| !last.off);
+            let drawn = match known {
+                Some(last) => Annotation { height_m: last.height_m, like: last.like.clone(), ..drawn },
+                None => Annotation { height_m: Some(UNKNOWN_UPRIGHT_HEIGHT_M), off: true, ..drawn },
+            };
             entry.annotations.push(drawn);
             Part::Line { annotation: entry.annotations.len() - 1, segment: 0 }
         }

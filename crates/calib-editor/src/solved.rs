@@ -3,12 +3,13 @@
 use std::sync::Arc;
 
 use calib_core::{
-    Camera, Failure, FailureCode, Finding, Pixel, Placement, Plane, Residual, ResidualOf, Surface,
+    Camera, Code, Failure, FailureCode, Finding, MarkKind, Pixel, Placement, Plane, Residual, ResidualOf,
+    Surface,
 };
 
 use calib_site::{
-    ElementSolution, FailureEntry, LensCache, Names, Plan, PlaneEntry, Report, SceneEntry, Site, SiteCamera,
-    Solution, Stage, Warning,
+    ElementSolution, FailureEntry, LensCache, Mark, MarkObservation, Names, Plan, PlaneEntry, Report, Scale,
+    SceneEntry, Site, SiteCamera, Solution, Stage, Warning,
 };
 use web_time::Instant;
 
@@ -21,6 +22,8 @@ struct LensFamily {
     plan: Option<Plan>,
     scene: Option<SceneEntry>,
     planes: Vec<PlaneEntry>,
+    /// Marks whose points may determine one of the cameras.
+    marks: Vec<Mark>,
     /// For each camera: whether the site has metric coordinates without it.
     measured: Vec<bool>,
     lenses: LensCache,
@@ -31,7 +34,8 @@ impl LensFamily {
         let cameras = family.iter().map(|&index| without_results(&site.cameras[index])).collect();
         let (plan, planes) = (site.plan.clone(), site.planes.clone());
         let measured = measured(site, family).collect();
-        Self { cameras, plan, scene: site.scene, planes, measured, lenses: LensCache::default() }
+        let marks = marks(site, family).cloned().collect();
+        Self { cameras, plan, scene: site.scene, planes, marks, measured, lenses: LensCache::default() }
     }
 
     /// Whether the inputs are unchanged in `site` for the cameras with these indices.
@@ -45,8 +49,20 @@ impl LensFamily {
             && self.plan == site.plan
             && self.scene == site.scene
             && has_same_planes(&self.planes, &site.planes)
+            && self.marks.iter().map(shape_inputs).eq(marks(site, family).map(shape_inputs))
             && self.measured.iter().copied().eq(measured(site, family))
     }
+}
+
+/// Returns the marks with annotated points in these cameras.
+fn marks<'a>(site: &'a Site, family: &'a [usize]) -> impl Iterator<Item = &'a Mark> {
+    let is_own = |id: &String| family.iter().any(|&index| site.cameras[index].id == *id);
+    site.marks.iter().filter(move |mark| !mark.off && mark.seen.iter().any(|seen| is_own(&seen.camera)))
+}
+
+/// Returns the inputs of a mark on which cameras solved separately depend. Its position on the floor is not one of them.
+fn shape_inputs(mark: &Mark) -> (MarkKind, f64, &[f64], &[MarkObservation]) {
+    (mark.kind, mark.at_m.z, &mark.size_m, &mark.seen)
 }
 
 /// Returns, for each camera, whether the site has reference coordinates for it.
@@ -320,6 +336,14 @@ impl Solved {
     #[must_use]
     pub fn solution(&self, index: usize) -> Option<&Solution> {
         self.result(index)?.ok()
+    }
+
+    /// Whether the scale of a camera is known. Otherwise lengths are known as multiples of its height only.
+    #[must_use]
+    pub fn scale_is_known(&self, index: usize) -> bool {
+        let Some(solution) = self.solution(index) else { return false };
+        let is_open = |(joint, _): (&Joint, usize)| joint.report().site.scale == Some(Scale::Unknown);
+        !solution.has_warning(Code::ScaleAssumed) && !self.joint_of_camera(index).is_some_and(is_open)
     }
 
     /// Returns the finding from which a warning of a camera was written; `None` for a warning that was read

@@ -5,7 +5,9 @@
 use calib_core::outcome::DisconnectionReason;
 use calib_core::single::straightness_rms;
 use calib_core::{Code, Finding, Kind, Parameter, Severity, Subject};
-use calib_site::{Distance, Mark, Names, Report, Site, SiteCamera, Stage, Warning, counted};
+use calib_site::{
+    ControlPointEntry, Distance, Mark, Names, Report, Site, SiteCamera, Stage, Warning, counted,
+};
 
 use crate::session::Session;
 
@@ -189,28 +191,36 @@ fn placement_state(session: &Session, camera: usize) -> String {
     let Some(entry) = session.site.cameras.get(camera) else { return String::new() };
     match (solution, session.is_fixed_by_control_points(camera)) {
         (Some(_), _) if session.solved.is_out_of_date(camera) => "changed since the last Refine".into(),
-        (Some(_), true) => {
-            let used = entry.control_points.iter().filter(|point| !point.off).count();
-            counted(used, "control point", "control points")
-        }
+        (Some(_), true) => counted(used_points(session, entry), "control point", "control points"),
         (Some(solution), false) if solution.stage == Stage::Refined => "refined with other cameras".into(),
         (Some(_), false) => "placed by hand".into(),
-        (None, _) if session.site.plan.is_some() && entry.annotations.is_empty() => {
+        (None, _)
+            if session.site.plan.is_some()
+                && entry.annotations.is_empty()
+                && session.solved.pose(camera).is_none() =>
+        {
             "click 4 points, here and on the plan".into()
         }
         (None, _) => "place on the plan, or add links".into(),
     }
 }
 
-/// Describes the points that determine a camera without lines: its control points, or those of a mark.
-fn points_state(session: &Session, entry: &SiteCamera) -> String {
-    let used = entry.control_points.iter().filter(|point| !point.off).count();
-    let pins = |mark: &&Mark| mark.seen.iter().filter(|seen| seen.camera == entry.id).count();
-    let marks = session.site.marks.iter().enumerate().filter(|(_, mark)| !mark.off);
-    match marks.max_by_key(|(_, mark)| pins(mark)) {
-        Some((index, mark)) if used < 3 && pins(&mark) > 0 => format!("from mark {}", mark.label(index)),
-        _ => format!("from {}", counted(used, "control point", "control points")),
+/// Returns the number of control points of a camera that are switched on and have coordinates.
+fn used_points(session: &Session, entry: &SiteCamera) -> usize {
+    let is_used = |point: &&ControlPointEntry| !point.off && point.control_point(&session.site).is_some();
+    entry.control_points.iter().filter(is_used).count()
+}
+
+/// Describes the points that determine a camera without lines: its control points, or the pins of a mark. `None`
+/// if there are too few of them.
+fn points_state(session: &Session, entry: &SiteCamera) -> Option<String> {
+    let used = used_points(session, entry);
+    if used >= 3 {
+        return Some(format!("from {}", counted(used, "control point", "control points")));
     }
+    let pins = |mark: &Mark| mark.seen.iter().filter(|seen| seen.camera == entry.id).count();
+    let marks = session.site.marks.iter().enumerate().filter(|(_, mark)| !mark.off && pins(mark) >= 4);
+    marks.max_by_key(|(_, mark)| pins(mark)).map(|(index, mark)| format!("from mark {}", mark.label(index)))
 }
 
 /// Returns the steps of a camera in working order.
@@ -230,8 +240,9 @@ pub fn steps(session: &Session, camera: usize) -> Vec<Step> {
     let corners = entry.efov_px.as_ref().map_or(0, Vec::len);
     let placed = solution.is_some_and(|solution| solution.stage >= Stage::Placed);
     // Control points or the corners of a mark may determine a camera. Then it needs no lines.
-    let is_from_points = plumb + floor == 0 && session.solved.pose(camera).is_some() && !entry.is_given();
-    let from_points = || points_state(session, entry);
+    let needs_no_lines = plumb + floor == 0 && session.solved.pose(camera).is_some() && !entry.is_given();
+    let from_points = points_state(session, entry).filter(|_| needs_no_lines);
+    let is_from_points = from_points.is_some();
     let step = |title, state: String, is_done, is_optional| {
         let is_contradicted = is_done && contradicted.contains(&title);
         Step { title, state, is_done, is_optional, is_contradicted }
@@ -240,21 +251,21 @@ pub fn steps(session: &Session, camera: usize) -> Vec<Step> {
         step(LENS, lens, has_lens, !is_fisheye(session, camera)),
         step(
             VERTICALS,
-            match plumb {
-                _ if is_from_points => from_points(),
-                2.. => format!("{plumb} lines"),
-                _ => format!("needs 2, has {plumb}"),
+            match (&from_points, plumb) {
+                (Some(text), _) => text.clone(),
+                (None, 2..) => format!("{plumb} lines"),
+                (None, _) => format!("needs 2, has {plumb}"),
             },
             plumb >= 2 || is_from_points || session.solved.pose(camera).is_some() && floor >= 4,
             false,
         ),
         step(
             FLOOR_LINES,
-            match (floor, directions) {
-                _ if is_from_points => from_points(),
-                (0 | 1, _) => format!("needs 2, has {floor}"),
-                (_, 0 | 1) => format!("{floor} lines"),
-                (_, directions) => format!("{floor} lines, {directions} directions"),
+            match (from_points, floor, directions) {
+                (Some(text), ..) => text,
+                (None, 0 | 1, _) => format!("needs 2, has {floor}"),
+                (None, _, 0 | 1) => format!("{floor} lines"),
+                (None, _, directions) => format!("{floor} lines, {directions} directions"),
             },
             floor >= 2 || is_from_points,
             false,
@@ -292,8 +303,10 @@ pub fn is_serious(code: Code) -> bool {
     code.severity() > Severity::Note || code.fails_check()
 }
 
-/// Returns the predicted relative standard deviation of floor lengths that a camera measures, if known.
+/// Returns the predicted relative standard deviation of floor lengths that a camera measures. `None` if it or the
+/// scale is unknown.
 #[must_use]
 pub fn floor_sigma(session: &Session, camera: usize) -> Option<f64> {
-    session.solved.solution(camera)?.sigma.as_ref()?.floor_length_rel
+    let rel = session.solved.solution(camera)?.sigma.as_ref()?.floor_length_rel;
+    rel.filter(|_| session.solved.scale_is_known(camera))
 }

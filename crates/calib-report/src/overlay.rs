@@ -1,6 +1,6 @@
 //! Overlay of a camera's image.
 
-use calib_core::{Code, Pixel, ResidualOf};
+use calib_core::{Pixel, ResidualOf};
 
 use calib_core::floor::view_angle;
 
@@ -30,8 +30,7 @@ pub fn overlay(site: &Site, entry: &SiteCamera, lens_grid: bool) -> Svg {
     }
     let title = entry.name.as_deref().unwrap_or(&entry.id);
     let margin = 10.0 * svg.scale;
-    let caption =
-        Tag { at: [margin, margin], text: format!("{title}{}", summary(entry, site.units)), colour };
+    let caption = Tag { at: [margin, margin], text: format!("{title}{}", summary(site, entry)), colour };
     let mut tags = legend(&svg, entry, colour, lens_grid, &items);
     tags.push(caption);
     draw_labels(&mut svg, &items, &tags);
@@ -180,7 +179,7 @@ fn label_offsets(meaning: Meaning) -> Vec<LabelOffset> {
 }
 
 /// Describes the pose of a camera and its accuracy in one line.
-fn summary(entry: &SiteCamera, units: Units) -> String {
+fn summary(site: &Site, entry: &SiteCamera) -> String {
     let Some(solution) = &entry.solution else {
         return entry
             .error
@@ -194,13 +193,13 @@ fn summary(entry: &SiteCamera, units: Units) -> String {
     let is_down = straight_down_text(solution).is_some();
     let roll = if is_down { String::new() } else { format!(" \u{b7} roll {roll:.1}\u{b0}") };
     let mut text = format!(" \u{b7} pitch {pitch:.1}\u{b0}{roll} \u{b7} field of view {hfov:.0}\u{b0}");
-    let is_assumed = solution.has_warning(Code::ScaleAssumed);
-    let [assumed, scale_open] = if is_assumed { ["assumed ", " (scale assumed)"] } else { [""; 2] };
+    let is_assumed = !site.scale_is_known(entry);
+    let [assumed, floor] = if is_assumed { ["assumed ", "ratios on the floor"] } else { ["", "floor"] };
     if let Some(position) = solution.position_m {
-        text.push_str(&format!(" \u{b7} {assumed}height {}", units.length(position.z, 2)));
+        text.push_str(&format!(" \u{b7} {assumed}height {}", site.units.length(position.z, 2)));
     }
     if let Some(rel) = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel) {
-        text.push_str(&format!(" \u{b7} floor \u{b1} {:.1} %{scale_open}", 100.0 * rel));
+        text.push_str(&format!(" \u{b7} {floor} \u{b1} {:.1} %", 100.0 * rel));
     }
     text.replace('-', "\u{2212}")
 }

@@ -322,5 +322,5 @@ fn draw_scale_bar(svg: &mut Svg, scale: &PlanScale, [w, h]: [f64; 2], units: Uni
     svg.line(&bar, false, Stroke { outlined: false, ..Stroke::new(Rgb::WHITE, 5.0) });
     svg.line(&bar, false, Stroke { outlined: false, ..Stroke::new(Rgb::INK, 2.0) });
     let at = [0.5 * (x + end), y - 8.0 * svg.scale];
-    svg.ink(at, &units.round_length(length), Rgb::INK, Anchor::Middle);
+    svg.ink(at, &units.trimmed_length(length), Rgb::INK, Anchor::Middle);
 }

@@ -1,4 +1,4 @@
-//! Example: draws the floor grid of the floor as polylines of an image, as an SVG overlay.
+//! Example: draws the floor grid as polylines of an image, as an SVG overlay.
 //!
 //! ```text
 //! cargo run --release -p calib-site --example draw_grid -- calib-demo/solved.json shop-1 > grid.svg

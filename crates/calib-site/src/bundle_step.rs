@@ -55,10 +55,9 @@ pub(crate) struct BundleResult {
     pub(crate) loop_closure: Option<f64>,
     /// Cross-covariances of jointly refined pairs of cameras.
     pub(crate) pairs: HashMap<[usize; 2], CrossCovariance>,
+    /// Indices of the marks whose points determine a camera in stage 1.
+    pub(crate) single_marks: Vec<usize>,
 }
-
-/// Least number of control points that determine the position of a camera with a known orientation.
-const MIN_PLACED_POINTS: usize = 3;
 
 /// Placeholder for a camera without a result; it has no observations.
 pub(crate) const ABSENT: Camera = Camera {
@@ -111,6 +110,7 @@ impl BundleResult {
             planes: summary.planes,
             loop_closure: summary.loop_closure,
             pairs: summary.cross_covariances,
+            single_marks: Vec::new(),
         }
     }
 }
@@ -123,12 +123,28 @@ impl Site {
         let planes = self.plane_priors();
         let shared = self.site_observations(single_fits, &planes, &|camera| members[camera].is_some());
         let mut result = adjust(&entries, &members, (shared, planes), true);
-        // A mark that only one camera observes connects it to nothing, but its size determines the camera.
+        // A mark that one camera observes places no camera, but its size determines orientation and height.
         for (estimate, member) in result.cameras.iter_mut().zip(&members) {
             if let (None, Some(member)) = (&estimate, member)
                 && member.has_only_points()
-                && member.points_are_of_mark(self)
+                && member.single.mark.is_some()
             {
+                *estimate = member.refined_by_points(self);
+            }
+        }
+        result
+    }
+
+    /// Refines every camera for itself: its lens with its lines, or its principal point with its control
+    /// points. `entries` must include the owners of shared lenses.
+    pub(crate) fn refine_separately(
+        &self,
+        entries: &[&SiteCamera],
+        single_fits: &[Result<SingleFit, Failure>],
+    ) -> BundleResult {
+        let mut result = refine_lenses(entries, single_fits, self.plane_priors(), true);
+        for (estimate, member) in result.cameras.iter_mut().zip(members(entries, single_fits)) {
+            if let Some(member) = member.filter(Member::has_only_points) {
                 *estimate = member.refined_by_points(self);
             }
         }
@@ -146,24 +162,6 @@ pub(crate) fn refine_lenses(
 ) -> BundleResult {
     let alone = (SiteObservations::default(), planes);
     adjust(entries, &members(entries, single_fits), alone, with_reliability)
-}
-
-impl Site {
-    /// Refines every camera for itself: its lens with its lines, or its principal point with its control
-    /// points. `entries` must include the owners of shared lenses.
-    pub(crate) fn refine_separately(
-        &self,
-        entries: &[&SiteCamera],
-        single_fits: &[Result<SingleFit, Failure>],
-    ) -> BundleResult {
-        let mut result = refine_lenses(entries, single_fits, self.plane_priors(), true);
-        for (estimate, member) in result.cameras.iter_mut().zip(members(entries, single_fits)) {
-            if let Some(member) = member.filter(Member::has_only_points) {
-                *estimate = member.refined_by_points(self);
-            }
-        }
-        result
-    }
 }
 
 /// Returns the participating cameras; `None` for cameras that do not take part.
@@ -196,7 +194,8 @@ fn adjust(
             estimate.camera = member.with_single_pose(&estimate.camera);
         }
     }
-    BundleResult::new(summary, sources, indices, unused)
+    let single_marks = members.iter().flatten().filter_map(|member| member.single.mark).collect();
+    BundleResult { single_marks, ..BundleResult::new(summary, sources, indices, unused) }
 }
 
 fn bundle_cameras<'a>(entries: &[&SiteCamera], members: &[Option<Member<'a>>]) -> Vec<BundleCamera<'a>> {
@@ -269,18 +268,12 @@ impl<'a> Member<'a> {
         }
     }
 
-    /// Whether a camera from points has too few control points for a position, so that a mark determines it.
-    fn points_are_of_mark(&self, site: &Site) -> bool {
-        UsedPoints::new(site, self.entry).len() < MIN_PLACED_POINTS
-    }
-
     /// Refines a camera without lines by its control points. Without control points, its orientation and focal
     /// length are refined by the points of its mark.
     fn refined_by_points(&self, site: &Site) -> Option<CameraEstimate> {
         let Self { entry, single, .. } = self;
         let sigma = entry.sigma_px.unwrap_or(1.0);
-        let is_of_mark = self.points_are_of_mark(site);
-        let landmarks: Vec<Landmark> = if is_of_mark {
+        let landmarks: Vec<Landmark> = if single.mark.is_some() {
             UsedPoints::from_mark(site, entry).landmarks(sigma)
         } else {
             let points = entry.control_points.iter().enumerate();
@@ -289,15 +282,21 @@ impl<'a> Member<'a> {
         };
         // Stage 1 has already rejected points.
         let kept = landmarks.into_iter().map(|landmark| Landmark { keep: true, ..landmark });
+        let mut camera = self.bundle_camera(None);
+        if single.mark.is_some() {
+            // The mark is at its position in the file, in which the placement of the camera is meaningless.
+            camera.camera = self.own;
+            (camera.initial_pose, camera.fixed_pose) = (InitialPose::Unknown, FixedPose::default());
+        }
         let adjustment = BundleAdjustment {
-            cameras: vec![self.bundle_camera(None)],
+            cameras: vec![camera],
             landmarks: kept.collect(),
             distances: Vec::new(),
             planes: site.plane_priors(),
             with_reliability: false,
         };
         let mut estimate = adjustment.solve_checked().cameras.pop()??;
-        if is_of_mark {
+        if single.mark.is_some() {
             estimate.is_connected = false;
             estimate.camera = unplaced(&estimate.camera);
         }

@@ -113,7 +113,7 @@ impl Site {
         let [links, marks] = self.elements(&bundle, &triangulated);
         let (mut site, mut site_findings) = self.quality(&bundle, &triangulated, &results);
         if !is_joint {
-            site_findings.extend(self.unused_evidence());
+            site_findings.extend(self.unused_evidence(&bundle.single_marks));
         }
         site.warnings = self.warnings(None, &site_findings);
         let entry = |(index, result)| {
@@ -250,9 +250,10 @@ impl Site {
     }
 
     /// Reports links, marks and distances that are not used because each camera is solved separately.
-    fn unused_evidence(&self) -> impl Iterator<Item = Finding> {
+    fn unused_evidence(&self, single_marks: &[usize]) -> impl Iterator<Item = Finding> {
         let links = self.links.iter().filter(|link| !link.off && !link.seen.is_empty()).count();
-        let marks = self.marks.iter().filter(|mark| !mark.off && !mark.seen.is_empty()).count();
+        let marks = self.marks.iter().enumerate().filter(|(_, mark)| !mark.off && !mark.seen.is_empty());
+        let marks = marks.filter(|(index, _)| !single_marks.contains(index)).count();
         let distances = self.distances.iter().filter(|distance| !distance.off).count();
         [
             (SharedEvidence::Links, links),

@@ -21,6 +21,8 @@ pub(crate) struct UsedPoints {
     points: Vec<ControlPoint>,
     /// Standard deviations of their coordinates, in metres; 0 for exact coordinates.
     position_sigmas: Vec<f64>,
+    /// Index of the mark to which the points belong; `None` for control points.
+    pub(crate) mark: Option<usize>,
 }
 
 /// Mistake that explains control points which contradict each other.
@@ -53,7 +55,7 @@ impl UsedPoints {
         let known = used.filter_map(|(index, point)| Some((index, point.control_point(site)?)));
         let (indices, points): (Vec<usize>, Vec<ControlPoint>) = known.unzip();
         let sigma = |&index: &usize| entry.control_points[index].position_sigma();
-        Self { position_sigmas: indices.iter().map(sigma).collect(), indices, points }
+        Self { position_sigmas: indices.iter().map(sigma).collect(), indices, points, mark: None }
     }
 
     /// Returns the points of the mark with the most observations in the camera, at its position in the file.
@@ -65,9 +67,13 @@ impl UsedPoints {
             own.filter_map(|seen| Some(ControlPoint { world: shape.point(&seen.point)?, pixel: seen.px }))
                 .collect()
         };
-        let marks = site.marks.iter().filter(|mark| !mark.off);
-        let points = marks.map(points).max_by_key(Vec::len).unwrap_or_default();
-        Self { points, ..Self::default() }
+        let marks = site.marks.iter().enumerate().filter(|(_, mark)| !mark.off);
+        let best = marks.map(|(index, mark)| (index, points(mark))).max_by_key(|(_, points)| points.len());
+        best.map_or_else(Self::default, |(index, points)| Self {
+            points,
+            mark: Some(index),
+            ..Self::default()
+        })
     }
 
     /// Returns the inputs of a fit to the points.

@@ -266,7 +266,9 @@ impl Site {
 /// Returns findings about unused landmarks, distances and cameras, with the reason.
 fn unused_landmarks(bundle: &BundleResult) -> impl Iterator<Item = Finding> {
     let landmarks = |list: &[usize]| -> Vec<Subject> {
-        list.iter().map(|&landmark| bundle.landmarks[landmark].0.into()).collect()
+        let is_unused = |of: &LandmarkSource| !matches!(of, LandmarkSource::Mark(mark) if bundle.single_marks.contains(mark));
+        let sources = list.iter().map(|&landmark| bundle.landmarks[landmark].0);
+        sources.filter(is_unused).map(Subject::from).collect()
     };
     let list = [
         (landmarks(&bundle.unobservable), UnusedReason::NotVisible),

@@ -87,6 +87,8 @@ pub(crate) struct SingleFit {
     pub(crate) fit: Option<Fit>,
     /// Whether control points determine the camera, alone or together with the lines.
     pub(crate) is_from_points: bool,
+    /// Index of the mark whose points determine the camera; `None` for control points and lines.
+    pub(crate) mark: Option<usize>,
     /// Indices of the control points that contradict the others.
     pub(crate) suspect_points: Vec<usize>,
     /// Prior on the principal point; `None` if it is known.
@@ -177,17 +179,17 @@ impl Site {
         let SingleInputs { entry, fixed, .. } = inputs;
         let points = UsedPoints::new(self, entry);
         let of_points = points.options(entry, inputs.lens_estimate.lens, fixed);
-        // The fit, and the control points that contradict it.
+        // The fit, its mark, and the control points that contradict it.
         let by_control_points =
-            || points.determined(&of_points).map(|found| (points.suspects(&found), found));
+            || points.determined(&of_points).map(|found| (None, points.suspects(&found), found));
         let by_mark = || {
             let marked = UsedPoints::from_mark(self, entry);
             let options = marked.options(entry, inputs.lens_estimate.lens, fixed);
-            marked.determined(&options).map(|found| (Vec::new(), found))
+            marked.determined(&options).map(|found| (marked.mark, Vec::new(), found))
         };
         let by_points = || inputs.is_open().then(|| by_control_points().or_else(by_mark)).flatten();
         if inputs.constraints.is_empty()
-            && let Some((suspect_points, found)) = by_points()
+            && let Some((mark, suspect_points, found)) = by_points()
         {
             let mut result = from_points(entry, &found);
             // `recount_redundancy` counts the redundancy of control points after the placement.
@@ -195,7 +197,7 @@ impl Site {
                 result.findings.push(Finding::UncheckedPoints { dof: found.dof });
             }
             let single = inputs.with_result(result, None);
-            return Ok(SingleFit { is_from_points: true, suspect_points, ..single });
+            return Ok(SingleFit { is_from_points: true, mark, suspect_points, ..single });
         }
         if inputs.has_lens_only() {
             let result = lens_only(entry, &inputs.lens_estimate);
@@ -217,11 +219,12 @@ impl Site {
         let entered = entry.priors(&inputs.lens_estimate.lens);
         let alone = by_lines(entered);
         let is_determined = alone.as_ref().is_ok_and(|(_, fit)| fit.determines_camera());
-        if let Some((suspect_points, found)) = if is_determined { None } else { by_points() }
+        if let Some((mark, suspect_points, found)) = if is_determined { None } else { by_points() }
             && let Ok((result, fit)) = by_lines(priors_from(&found.camera, 1.0, &entered))
         {
             return Ok(SingleFit {
                 is_from_points: true,
+                mark,
                 suspect_points,
                 ..inputs.with_result(result, Some(fit))
             });
@@ -265,6 +268,7 @@ impl SingleInputs<'_> {
             fixed,
             fit,
             is_from_points: false,
+            mark: None,
             suspect_points: Vec::new(),
             principal_point,
             other_centre: None,

@@ -134,7 +134,7 @@ impl Units {
     /// Formats a length given in metres in this unit, with the unit and at most 3 decimals; zeros at the end
     /// are omitted.
     #[must_use]
-    pub fn round_length(self, metres: f64) -> String {
+    pub fn trimmed_length(self, metres: f64) -> String {
         let rounded = (metres / self.metres() * 1000.0).round() / 1000.0;
         format!("{} {}", rounded + 0.0, self.symbol()).replace('-', "\u{2212}")
     }
@@ -206,10 +206,10 @@ mod tests {
 
     #[test]
     fn round_lengths_are_round_in_both_units() {
-        assert_eq!(Units::Feet.round_length(Units::Feet.step(30.0, 24.0)), "5 ft");
-        assert_eq!(Units::Metres.round_length(Units::Metres.step(30.0, 24.0)), "2 m");
-        assert_eq!(Units::Feet.round_length(Units::Feet.round_length_below(3.5)), "10 ft");
-        assert_eq!(Units::Metres.round_length(-2.5), "\u{2212}2.5 m");
+        assert_eq!(Units::Feet.trimmed_length(Units::Feet.step(30.0, 24.0)), "5 ft");
+        assert_eq!(Units::Metres.trimmed_length(Units::Metres.step(30.0, 24.0)), "2 m");
+        assert_eq!(Units::Feet.trimmed_length(Units::Feet.round_length_below(3.5)), "10 ft");
+        assert_eq!(Units::Metres.trimmed_length(-2.5), "\u{2212}2.5 m");
         assert_eq!(Units::Metres.round_length_below(0.01), 0.1);
     }
 

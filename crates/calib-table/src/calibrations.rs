@@ -161,21 +161,11 @@ impl Calibrations {
     /// Fails if no requested camera is calibrated, or if the stream does not match an image. Also fails if a
     /// camera has several periods but the rows have no time.
     pub fn from_site(site: &Site, sha256: String, wanted: CalibrationRequest) -> Result<Self, TableError> {
-        let mut notes = Vec::new();
         let is_wanted = |entry: &&SiteCamera| match &wanted.camera {
             CameraSource::Only(id) => entry.id == *id,
             CameraSource::Column(_) => true,
         };
-        if site.cameras.iter().any(SiteCamera::is_placed) {
-            let loose =
-                site.cameras.iter().filter(is_wanted).filter(|c| c.camera().is_some() && !c.is_placed());
-            for entry in loose {
-                notes.push(format!(
-                    "camera \"{}\" is not placed: its coordinates are relative to the floor point below it, not to the site",
-                    entry.id
-                ));
-            }
-        }
+        let mut notes = position_notes(site, is_wanted);
         let (mut list, mut refused) = (Vec::new(), None);
         for entry in site.cameras.iter().filter(is_wanted) {
             match Calibration::new(site, entry, &wanted) {
@@ -368,6 +358,27 @@ impl Calibrations {
         }
         notes
     }
+}
+
+/// Returns notes about cameras whose coordinates have another origin or another scale than the site.
+fn position_notes(site: &Site, is_wanted: impl Fn(&&SiteCamera) -> bool) -> Vec<String> {
+    let has_places = site.cameras.iter().any(SiteCamera::is_placed);
+    let mut notes = Vec::new();
+    for entry in site.cameras.iter().filter(is_wanted) {
+        let (Some(camera), id) = (entry.camera(), &entry.id) else { continue };
+        if has_places && !entry.is_placed() {
+            notes.push(format!(
+                "camera \"{id}\" is not placed: its coordinates are relative to the floor point below it, not to the site"
+            ));
+        }
+        if !site.scale_is_known(entry) {
+            let height = camera.position.z;
+            notes.push(format!(
+                "camera \"{id}\": nothing determines its scale; a height of {height:.2} m is assumed, and all its lengths with it"
+            ));
+        }
+    }
+    notes
 }
 
 /// Returns the mapping between the stream and the image of a camera.

@@ -159,6 +159,10 @@ fn group(
                 if length(ui, units, &mut value, "Known length") {
                     requests.push(RowRequest::Length(index, value));
                 }
+            } else if annotation.off && row.constraint == ConstraintKind::Upright {
+                let label = ui.label(RichText::new("height").color(palette.text2));
+                let entered = empty_field(ui, ("height", index), label.id, units, None);
+                requests.extend(entered.map(|metres| RowRequest::Height(index, metres)));
             } else if let Some(height) = annotation.height_m {
                 let mut value = height.value;
                 if length(ui, units, &mut value, "Height of the upright") {
@@ -314,6 +318,9 @@ fn bar(ui: &Ui, row: Rect, over_sigma: f64) {
     ui.painter().vline(tick, back.y_range(), egui::Stroke::new(1.0, palette.text2));
 }
 
+/// Standard deviation of a typed height of a person or post, in metres.
+const TYPED_HEIGHT_SIGMA_M: f64 = 0.03;
+
 /// Sends the actions of a request to the editor.
 fn apply_request(app: &mut App, request: RowRequest) {
     app.send(Action::CancelGesture);
@@ -339,11 +346,11 @@ fn apply_request(app: &mut App, request: RowRequest) {
         RowRequest::Usual(index, chosen) => drawn(index)
             .map(|annotation| annotate(index, with_size(annotation, &chosen), "choose a usual size")),
         RowRequest::Sigmas(index, annotation) => Some(annotate(index, *annotation, "change \u{b1}")),
-        RowRequest::Height(index, value) => drawn(index).map(|mut annotation| {
-            if let Some(height) = &mut annotation.height_m {
-                height.value = value;
-            }
-            annotate(index, annotation, "change the height of an upright")
+        RowRequest::Height(index, value) => drawn(index).map(|annotation| {
+            let sigma = annotation.height_m.filter(|_| !annotation.off).and_then(|height| height.sigma);
+            let height = Known::prior(value, sigma.unwrap_or(TYPED_HEIGHT_SIGMA_M));
+            let measured = Annotation { height_m: Some(height), off: false, ..annotation };
+            annotate(index, measured, "enter the height of an upright")
         }),
     };
     action.into_iter().for_each(|action| app.send(action));

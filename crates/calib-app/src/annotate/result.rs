@@ -1,10 +1,10 @@
 //! Panel: the result with its uncertainty and a lock for every number, and fields for measured lengths.
 
-use calib_core::Code;
+use calib_core::Kind;
 use calib_core::camera::{Coefficient, Pixel};
 use calib_core::floor::view_angle;
 use calib_core::single::Known;
-use calib_editor::{Action, Units};
+use calib_editor::{Action, TOOLS, Units};
 use calib_site::{LensEntry, Sigmas, Solution, Stage};
 use egui::{Align2, DragValue, Rect, RichText, Sense, TextEdit, Ui, Vec2};
 
@@ -160,7 +160,33 @@ pub(crate) fn result_ui(app: &mut App, ui: &mut Ui) {
     }
     lens_row(ui, &solution);
     centre_row(ui, &solution);
-    floor_row(ui, &solution);
+    let is_scaled = app.editor.session().solved.scale_is_known(app.editor.session().camera);
+    floor_row(ui, &solution, is_scaled);
+    if !is_scaled && let Some(tool) = scale_menu(ui) {
+        app.send(Action::SelectTool(tool));
+    }
+}
+
+/// Shows a menu of annotations that determine the scale; returns the index of the tool of the chosen one.
+fn scale_menu(ui: &mut Ui) -> Option<usize> {
+    let mut chosen = None;
+    ui.menu_button("Draw a person, a door or a known length\u{2026}", |ui| {
+        let rows = [
+            ("Person or door, from foot to top (U)", Kind::Upright),
+            ("Known length on the floor (L)", Kind::KnownLength),
+        ];
+        for (text, kind) in rows {
+            if ui.button(text).clicked() {
+                chosen = TOOLS.iter().position(|tool| tool.kind == Some(kind));
+                ui.close();
+            }
+        }
+    })
+    .response
+    .on_hover_text(
+        "Nothing determines the scale yet. Every length in the image is a multiple of the camera height.",
+    );
+    chosen
 }
 
 /// Shows the principal point if it was estimated.
@@ -214,7 +240,7 @@ fn number_row(app: &mut App, ui: &mut Ui, solution: &Solution, which: Number) {
     let unit = which.unit(app.editor.session().site.units);
     let [to, from] = [1.0 / unit.1, unit.1];
     let shown = (to * value, sigma.map(|sigma| to * sigma));
-    let is_assumed = solution.has_warning(Code::ScaleAssumed);
+    let is_assumed = !app.editor.session().solved.scale_is_known(app.editor.session().camera);
     let title = if which == Number::Height && is_assumed { "Height, assumed" } else { which.title() };
     if let Some(new) = row(ui, (which, title), shown, unit.0, known.map(|known| scaled(known, to))) {
         which.set(app, new.map(|known| scaled(known, from)));
@@ -339,25 +365,21 @@ fn lens_row(ui: &mut Ui, solution: &Solution) {
     }
 }
 
-fn floor_row(ui: &mut Ui, solution: &Solution) {
+/// Shows the accuracy of lengths on the floor. While the scale is unknown, only their ratios have one.
+fn floor_row(ui: &mut Ui, solution: &Solution, is_scaled: bool) {
     let palette = theme::palette(ui.ctx());
     let Some(rel) = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel) else { return };
     let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 26.0), Sense::hover());
     // An error of 100 % or more counts as unknown.
     let text = if rel < 1.0 { format!("\u{b1} {:.1} %", 100.0 * rel) } else { "unknown".into() };
-    let words = format!("Length on the floor {text}");
+    let title = if is_scaled { "Length on the floor" } else { "Length on the floor, ratio" };
+    let words = format!("{title} {text}");
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Label, true, &words));
     ui.painter().rect_filled(rect, 4.0, palette.raised);
     let inner: Rect = rect.shrink2(Vec2::new(8.0, 0.0));
     let colour = if rel > 0.03 { palette.warn } else { palette.text };
     let painter = ui.painter();
-    painter.text(
-        inner.left_center(),
-        Align2::LEFT_CENTER,
-        "Length on the floor",
-        theme::regular(12.0),
-        palette.text,
-    );
+    painter.text(inner.left_center(), Align2::LEFT_CENTER, title, theme::regular(12.0), palette.text);
     painter.text(inner.right_center(), Align2::RIGHT_CENTER, text, theme::medium(12.0), colour);
 }
 

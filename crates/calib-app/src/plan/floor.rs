@@ -10,6 +10,7 @@ use crate::overlay::Shown;
 use crate::paint::{Pen, chip, handle, line, ring, tag};
 use crate::picture::{Pictures, Piece};
 use crate::plan::mesh::{fill, lay};
+use crate::state::EllipseSize;
 use crate::theme::{self, on_image};
 
 /// Input of the plan canvas.
@@ -25,14 +26,11 @@ pub struct Floor<'a> {
     pub blend: bool,
     /// Whether fields of view are filled, so that overlaps are visible.
     pub coverage: bool,
+    /// Semi-axes of position ellipses.
+    pub ellipses: EllipseSize,
     /// Poses of the cameras before the current gesture or the last joint solve, painted as ghosts.
     pub before: &'a [Option<Camera>],
 }
-
-/// Size of a position ellipse, in standard deviations.
-pub const SIGMAS: f64 = 2.0;
-/// Magnification of position ellipses on the plan.
-pub const MAGNIFIED: f64 = 10.0;
 
 impl Floor<'_> {
     fn at(&self, point: FloorPoint) -> Pos2 {
@@ -98,7 +96,8 @@ impl Floor<'_> {
         }
         let shown = Shown(self.session);
         let view = PlanView::new(&shown).with_uppermost(self.session.camera);
-        let layers = [PlanLayer::Efovs, PlanLayer::PositionEllipses(SIGMAS * MAGNIFIED), PlanLayer::Cameras];
+        let layers =
+            [PlanLayer::Efovs, PlanLayer::PositionEllipses(self.ellipses.sigmas()), PlanLayer::Cameras];
         for item in on_plan(&view, &layers) {
             self.paint_camera(painter, &item);
         }
@@ -330,9 +329,8 @@ impl Floor<'_> {
         let text = format!("{} {}", metres / units.metres(), units.symbol());
         tag(painter, at, Align2::CENTER_BOTTOM, &text, on_image::WHITE);
         let at = rect.right_bottom() + Vec2::new(-16.0, -16.0);
-        let text = format!("ellipses: {SIGMAS}\u{3c3}, \u{d7}{MAGNIFIED}");
         if rect.width() > 300.0 {
-            tag(painter, at, Align2::RIGHT_BOTTOM, &text, on_image::WHITE);
+            tag(painter, at, Align2::RIGHT_BOTTOM, &self.ellipses.label(), on_image::WHITE);
         }
     }
 }

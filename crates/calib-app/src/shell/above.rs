@@ -13,15 +13,13 @@ use crate::command::Command;
 use crate::icons::{self, Icon, Look};
 use crate::paint::{Pen, line};
 use crate::picture::Picture;
-use crate::plan::floor::{SIGMAS, paint_grid};
+use crate::plan::floor::paint_grid;
 use crate::plan::mesh::lay;
-use crate::state::App;
+use crate::state::{App, EllipseSize};
 use crate::theme;
 
 /// Height of the floor view, in points.
 pub const HEIGHT: f32 = 220.0;
-/// Magnification of position ellipses in the floor view.
-const ELLIPSE_MAGNIFICATION: f64 = 5.0;
 
 /// Shows the floor view of the current camera below the camera list.
 pub fn above_ui(app: &mut App, ui: &mut Ui) {
@@ -48,9 +46,10 @@ pub fn above_ui(app: &mut App, ui: &mut Ui) {
         (Some(entry), Some(pose)) => {
             let picture = entry.image.as_ref().and_then(|name| app.pictures.ready(name));
             let units = app.editor.session().site.units;
-            let step = paint(&painter, rect, entry, pose, picture, units);
+            let ellipses = app.ellipse_size();
+            let step = paint(&painter, rect, entry, pose, picture, (units, ellipses));
             let step = units.length(step, 0);
-            words(format!("{step} grid. Ellipses: {SIGMAS}\u{3c3}, \u{d7}{ELLIPSE_MAGNIFICATION}"));
+            words(format!("{step} grid. {}", ellipses.label()));
         }
         _ => words("Draw lines first".into()),
     }
@@ -92,7 +91,7 @@ pub fn paint(
     entry: &SiteCamera,
     pose: &Camera,
     picture: Option<&Picture>,
-    units: Units,
+    (units, ellipses): (Units, EllipseSize),
 ) -> f64 {
     /// Largest distance of floor points that are shown, in camera heights. The projected image is a smear
     /// beyond it.
@@ -142,7 +141,7 @@ pub fn paint(
                 .iter()
                 .all(|point| mapping.view.zoom * point.distance(at) < 0.25 * f64::from(rect.width()))
         };
-        let outline = ellipse(at, &known, SIGMAS * ELLIPSE_MAGNIFICATION).filter(is_small);
+        let outline = ellipse(at, &known, ellipses.sigmas()).filter(is_small);
         if let Some(mut outline) = outline.filter(|_| near(&at)) {
             outline.extend(outline.first().copied());
             line(painter, &path(&outline), Pen::new(Color32::WHITE, 1.0).faint());

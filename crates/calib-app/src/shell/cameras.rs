@@ -171,7 +171,10 @@ fn words(app: &App, ui: &Ui, camera: usize, rect: Rect, thumb: Rect) {
     let sigma = steps::floor_sigma(app.editor.session(), camera);
     // A floor error of 100 % or more counts as unknown.
     let sigma = sigma.filter(|rel| *rel < 1.0);
-    let sigma = sigma.map_or_else(|| "\u{2014}".into(), |rel| format!("{:.1} %", 100.0 * rel));
+    let solved = &app.editor.session().solved;
+    let has_no_scale = solved.pose(camera).is_some() && !solved.scale_is_known(camera);
+    let unknown = if has_no_scale { "no scale" } else { "\u{2014}" };
+    let sigma = sigma.map_or_else(|| unknown.into(), |rel| format!("{:.1} %", 100.0 * rel));
     let right = egui::pos2(rect.right() - 10.0, rect.top() + 8.0);
     let taken = clip.text(right, Align2::RIGHT_TOP, sigma, theme::regular(11.0), palette.text2);
     let name = clip.with_clip_rect(clip.clip_rect().with_max_x(taken.left() - 4.0));
@@ -334,7 +337,8 @@ fn card(app: &App, ui: &mut Ui, family: &Family, which: usize) -> Option<f64> {
         whole.paint(&painter, &mapping, Color32::WHITE);
     }
     grid(app, &painter, &mapping, &family.shown[which]);
-    above::paint(&clip(right), right, entry, pose, picture, app.editor.session().site.units);
+    let shown = (app.editor.session().site.units, app.ellipse_size());
+    above::paint(&clip(right), right, entry, pose, picture, shown);
     wanted
 }
 

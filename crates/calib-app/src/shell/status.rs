@@ -142,7 +142,7 @@ fn pointer_position(app: &App, ui: &mut Ui) {
             let Some(entry) = app.editor.session().site.cameras.get(camera) else { return };
             let pose = app.editor.session().solved.pose(camera);
             if let Some(pose) = pose {
-                floor(app, ui, pose, at.into());
+                floor(app, ui, (camera, pose), at.into());
                 ui.add_space(12.0);
             }
             ui.label(strong(format!("{}, {}", number(at[0], 1), number(at[1], 1))));
@@ -172,7 +172,9 @@ fn pointer_position(app: &App, ui: &mut Ui) {
     }
 }
 
-fn floor(app: &App, ui: &mut Ui, pose: &calib_core::Camera, at: Pixel) {
+/// Shows the floor point at a pixel of a camera, with its standard deviation. While the scale is unknown, the unit
+/// is the height of the camera.
+fn floor(app: &App, ui: &mut Ui, (camera, pose): (usize, &calib_core::Camera), at: Pixel) {
     let palette = theme::palette(ui.ctx());
     let session = app.editor.session();
     let surfaces = session.solved.surfaces(&session.site);
@@ -184,13 +186,17 @@ fn floor(app: &App, ui: &mut Ui, pose: &calib_core::Camera, at: Pixel) {
     };
     let covariance = SurfaceProjector::new(pose, 0.0, &surfaces).covariance(at, 1.0, surface);
     let sigma = covariance.and_then(|covariance| covariance.worst_sigma());
-    let shown = sigma.map_or(2, |sigma| decimals(sigma).min(3));
+    let (units, is_scaled) = (session.site.units, session.solved.scale_is_known(camera));
+    let unit = if is_scaled { units.metres() } else { pose.position.z.abs().max(1e-6) };
+    let symbol = if is_scaled { units.symbol() } else { "\u{d7} camera height" };
+    let shown = sigma.map_or(2, |sigma| decimals(sigma / unit).min(3));
     if let Some(sigma) = sigma {
-        let sigma = app.editor.session().site.units.number(sigma, shown);
-        ui.label(RichText::new(format!("\u{b1} {sigma}")).color(palette.text2));
+        let text = format!("\u{b1} {}", number(sigma / unit, shown));
+        ui.label(RichText::new(text).color(palette.text2));
     }
     let strong = |text: String| RichText::new(text).font(theme::medium(12.0)).color(palette.text);
-    ui.label(strong(session.site.units.point(point.on_floor().into(), shown)));
+    let [x, y] = <[f64; 2]>::from(point.on_floor()).map(|value| number(value / unit, shown));
+    ui.label(strong(format!("{x}, {y} {symbol}")));
     let plane = surface.and_then(|index| session.site.planes.get(index));
     ui.label(RichText::new(plane.map_or("floor", |plane| &plane.id)).color(palette.text2));
 }

@@ -44,7 +44,7 @@ pub fn views_ui(app: &mut App, ui: &mut Ui) {
                 ui,
                 right.with_max_y(right.top() + HEADER_HEIGHT),
                 "Floor plan",
-                &[Command::Coverage, Command::Blend, Command::Snap],
+                &[Command::Coverage, Command::Magnify, Command::Blend, Command::Snap],
             );
             pane::plan(app, ui, right.with_min_y(right.top() + HEADER_HEIGHT), Place::Main);
         }
@@ -196,6 +196,7 @@ const fn state(app: &App, command: Command) -> (&'static str, bool) {
         Command::ColourByResidual => ("Colour by error", app.view.layers.by_residual),
         Command::Coverage => ("Coverage", app.view.coverage),
         Command::Blend => ("All images", app.view.blend),
+        Command::Magnify => ("Ellipses \u{d7}10", app.view.magnified),
         _ => ("", false),
     }
 }
@@ -282,7 +283,8 @@ fn scene(app: &mut App, ui: &mut Ui, rect: Rect) {
     let palette = theme::palette(ui.ctx());
     painter.rect_filled(rect, 0.0, palette.canvas);
     let plan = app.plan_picture().map(|picture| (picture.overview.id(), picture.size()));
-    scene3d::paint(&painter, rect, (&orbit, ui.visuals().dark_mode), app.editor.session(), plan);
+    let shown = (app.editor.session(), app.ellipse_size());
+    scene3d::paint(&painter, rect, (&orbit, ui.visuals().dark_mode), shown, plan);
     let text = "Drag: orbit.  Shift and drag: pan.  Wheel: zoom.  Click a camera to select it.";
     painter.text(
         rect.left_top() + Vec2::new(12.0, 12.0),

@@ -21,8 +21,8 @@ use crate::edges::Refining;
 use crate::picture::Pictures;
 use crate::platform::{Here, Platform, Task};
 use crate::state::{
-    Comparing, Conflict, Decision, Glance, Layers, List, Looking, Mode, Orbit, Outside, Palette, Panes,
-    PathField, Place, Planning, Read, Recovering, Sent, Sheet, Tour,
+    Comparing, Conflict, Decision, EllipseSize, Glance, Layers, List, Looking, Mode, Orbit, Outside, Palette,
+    Panes, PathField, Place, Planning, Read, Recovering, Sent, Sheet, Tour,
 };
 use crate::storage::autosave::Shelf;
 use crate::storage::autosave::Thumbnail;
@@ -51,6 +51,8 @@ pub struct ViewState {
     pub blend: bool,
     /// Whether fields of view are filled on the plan.
     pub coverage: bool,
+    /// Whether uncertainty ellipses are magnified.
+    pub magnified: bool,
     /// Whether the floor, seen from above, is shown next to the image.
     pub above: bool,
     /// Whether the poses before the joint solve are shown next to the new ones.
@@ -195,6 +197,7 @@ impl Default for ViewState {
             beside_scene: false,
             blend: false,
             coverage: true,
+            magnified: false,
             above: true,
             show_before: true,
             orbit: None,
@@ -452,6 +455,12 @@ impl App {
 }
 
 impl App {
+    /// Returns the size of uncertainty ellipses in all views.
+    #[must_use]
+    pub const fn ellipse_size(&self) -> EllipseSize {
+        EllipseSize { is_magnified: self.view.magnified }
+    }
+
     /// Returns the suggestion for the current camera, as long as its floor error is too large.
     #[must_use]
     pub fn proposal(&self) -> Option<&SuggestionEntry> {

@@ -17,6 +17,8 @@ pub(crate) use files::{Planning, Read, ReadPicture};
 pub(crate) use sent::Sent;
 pub use tour::{STEPS, Tour, TourButton, TourStep};
 pub(crate) use view::NEAR;
-pub use view::{Glance, Layers, List, Looking, Mode, Orbit, Order, Palette, Panes, Place, Showing};
+pub use view::{
+    EllipseSize, Glance, Layers, List, Looking, Mode, Orbit, Order, Palette, Panes, Place, Showing,
+};
 
 pub(crate) use export::{Asked, formats};

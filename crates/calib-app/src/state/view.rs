@@ -384,3 +384,31 @@ impl Looking {
         }
     }
 }
+
+/// Size of uncertainty ellipses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EllipseSize {
+    /// Whether they are magnified. Otherwise they are at the scale of the plan.
+    pub is_magnified: bool,
+}
+
+impl EllipseSize {
+    /// Semi-axes at the scale of the plan, in standard deviations.
+    const SIGMAS: f64 = 2.0;
+    /// Magnification on request.
+    const MAGNIFICATION: f64 = 10.0;
+
+    /// Returns the drawn semi-axes, in standard deviations.
+    #[must_use]
+    pub fn sigmas(self) -> f64 {
+        Self::SIGMAS * if self.is_magnified { Self::MAGNIFICATION } else { 1.0 }
+    }
+
+    /// Returns the label of the view.
+    #[must_use]
+    pub fn label(self) -> String {
+        let magnified =
+            if self.is_magnified { format!(", \u{d7}{}", Self::MAGNIFICATION) } else { String::new() };
+        format!("Ellipses: {}\u{3c3}{magnified}", Self::SIGMAS)
+    }
+}

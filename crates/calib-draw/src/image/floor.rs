@@ -73,7 +73,7 @@ fn grid_label(
     let (_, at) = shown.min_by(|one, other| one.0.total_cmp(&other.0))?;
     let along_y = (a.x - b.x).abs() < 1e-9;
     let (axis, value) = if along_y { ("x", a.x) } else { ("y", a.y) };
-    let text = format!("{axis} {}", units.round_length(value));
+    let text = format!("{axis} {}", units.trimmed_length(value));
     Some(Item::label(Meaning::Grid, at, text))
 }
 

@@ -11,7 +11,7 @@ use crate::editor::Editor;
 use crate::images::images_mut;
 use crate::import;
 use crate::session::Session;
-use crate::tools::move_to_pins;
+use crate::tools::{is_on_pins, move_to_pins};
 
 impl Editor {
     pub(super) fn set_control(&mut self, index: usize, point: ControlPointEntry) {
@@ -34,10 +34,11 @@ impl Editor {
 
     pub(super) fn set_mark(&mut self, index: usize, mark: Mark, name: String) {
         self.cancel();
+        let follows_pins = is_on_pins(&self.session, index);
         if let Some(own) = self.session.site.marks.get_mut(index) {
             let is_resized = own.size_m != mark.size_m;
             *own = mark;
-            if is_resized {
+            if is_resized && follows_pins {
                 self.session.solve();
                 move_to_pins(&mut self.session, index);
             }

@@ -63,10 +63,10 @@ fn corner_names(corners: &[Pixel; 4]) -> Option<[&'static str; 4]> {
     }
 }
 
-/// Moves a mark to its pinned points, as a camera that is not placed sees them on the floor. The position of
-/// such a camera is arbitrary, so the mark can be anywhere.
-pub(crate) fn move_to_pins(session: &mut Session, index: usize) {
-    let Some(mark) = session.site.marks.get(index).filter(|mark| !mark.fixed) else { return };
+/// Returns the position and rotation (degrees) of a mark on its pins, in the frame of an unplaced camera. `None`
+/// if the mark is fixed, or if a placed camera shows it.
+fn pinned_position(session: &Session, index: usize) -> Option<([f64; 2], f64)> {
+    let mark = session.site.marks.get(index).filter(|mark| !mark.fixed)?;
     let local = mark.shape_at(WorldPoint { z: mark.at_m.z, ..WorldPoint::default() }, 0.0);
     let pairs = |camera: usize| {
         let own = mark.seen.iter().filter(|seen| seen.camera == session.site.cameras[camera].id);
@@ -77,15 +77,38 @@ pub(crate) fn move_to_pins(session: &mut Session, index: usize) {
         };
         own.filter_map(pair).collect::<Vec<FloorPair>>()
     };
-    let is_unplaced = |&camera: &usize| {
-        session.solved.solution(camera).is_some_and(|solution| solution.stage == Stage::Partial)
+    let is_placed = |&camera: &usize| {
+        session.solved.solution(camera).is_some_and(|solution| solution.stage != Stage::Partial)
     };
-    let cameras = (0..session.site.cameras.len()).filter(is_unplaced);
-    let placement = cameras.map(pairs).max_by_key(Vec::len).and_then(|pairs| similarity(&pairs));
-    let (Some(placement), Some(mark)) = (placement, session.site.marks.get_mut(index)) else { return };
+    let shows = |&camera: &usize| {
+        let id = &session.site.cameras[camera].id;
+        mark.seen.iter().any(|seen| seen.camera == *id)
+    };
+    let cameras: Vec<usize> = (0..session.site.cameras.len()).filter(shows).collect();
+    if cameras.iter().any(is_placed) {
+        return None;
+    }
+    let pairs = cameras.into_iter().map(pairs).max_by_key(Vec::len)?;
+    let placement = similarity(&pairs)?;
     let rounded = |value: f64| (1000.0 * value).round() / 1000.0;
-    [mark.at_m.x, mark.at_m.y] = [placement.by.x, placement.by.y].map(rounded);
-    mark.turn_deg = rounded(placement.turn.to_degrees());
+    Some(([placement.by.x, placement.by.y].map(rounded), rounded(placement.turn.to_degrees())))
+}
+
+/// Whether a mark is on its pins, or has none that show its position.
+pub(crate) fn is_on_pins(session: &Session, index: usize) -> bool {
+    /// Largest distance from the pins, in metres: positions are rounded to millimetres.
+    const MAX_DISTANCE_M: f64 = 0.005;
+    let Some(mark) = session.site.marks.get(index) else { return false };
+    pinned_position(session, index)
+        .is_none_or(|([x, y], _)| (mark.at_m.x - x).hypot(mark.at_m.y - y) < MAX_DISTANCE_M)
+}
+
+/// Moves a mark onto its pins, in the frame of an unplaced camera.
+pub(crate) fn move_to_pins(session: &mut Session, index: usize) {
+    let Some((at, turn_deg)) = pinned_position(session, index) else { return };
+    if let Some(mark) = session.site.marks.get_mut(index) {
+        ([mark.at_m.x, mark.at_m.y], mark.turn_deg) = (at, turn_deg);
+    }
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -258,7 +281,7 @@ impl Corners {
     fn finish(&self, session: &mut Session, corners: &[Pixel; 4]) {
         let Some(names) = corner_names(corners) else {
             session.note =
-                Some("These corners are not around a rectangle. Click them one after the other.".into());
+                Some("The sides cross, or a corner points inwards. Click the four corners in order.".into());
             return;
         };
         let Some(id) = session.site.cameras.get(self.camera).map(|entry| entry.id.clone()) else { return };
@@ -271,11 +294,17 @@ impl Corners {
         move_to_pins(session, mark);
         let name = session.part_name(Part::Mark(mark));
         session.commit(format!("add {name}"));
-        session.note = Some("Choose the court, or enter width and depth, under Marks.".into());
+        if session.note.is_none() {
+            let solved =
+                if session.solved.pose(self.camera).is_some() { "" } else { "This size does not fit. " };
+            let note = format!("{solved}Choose the court, or enter width and depth, under Marks.");
+            session.note = Some(note);
+        }
     }
 
     fn hint(&self) -> &'static str {
         match self.set.len() {
+            0 => "Release to set corner 1 of 4.",
             1 => "Click corner 2 of 4, at the other end of the width.",
             2 => "Click corner 3 of 4, the next one around the rectangle.",
             _ => "Click corner 4 of 4.",
@@ -291,13 +320,17 @@ pub(super) struct Marking {
 }
 
 impl Marking {
-    /// Processes a pointer event of a rectangle that is created from its corners. Returns whether there is one.
+    /// Processes a pointer event of a rectangle that is created from its corners. Returns whether the event was
+    /// used.
     fn set_corners(&mut self, session: &mut Session, pointer: &Pointer) -> bool {
         let Some((camera, at)) = pointer.pixel() else { return self.corners.is_some() };
         let is_click = pointer.phase == Phase::Release;
         match &mut self.corners {
             None if pointer.phase == Phase::Press && Corners::start_at(session, camera) => {
                 session.select_camera(camera);
+                if !session.check_may_share(camera) {
+                    return true;
+                }
                 self.corners = Some(Corners { camera, set: Vec::new(), end: at });
             }
             None => return false,
@@ -398,5 +431,22 @@ impl Tool for Marking {
             set.iter().chain([end]).chain(first).map(|&pixel| pixel.into()).collect()
         };
         corners.map(line).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn corners_are_named_counter_clockwise_seen_from_above() {
+        let square = [[0.0, 9.0], [9.0, 9.0], [9.0, 0.0], [0.0, 0.0]].map(Pixel::from);
+        assert_eq!(corner_names(&square), Some(["c0", "c1", "c2", "c3"]));
+        let [a, b, c, d] = square;
+        // The first side stays the width in the other order.
+        assert_eq!(corner_names(&[b, a, d, c]), Some(["c1", "c0", "c3", "c2"]));
+        assert_eq!(corner_names(&[a, c, b, d]), None, "crossing sides");
+        assert_eq!(corner_names(&[a, b, c, Pixel::new(8.0, 8.0)]), None, "a corner inwards");
+        assert_eq!(corner_names(&[a, a, c, d]), None, "a double corner");
     }
 }

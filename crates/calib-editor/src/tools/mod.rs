@@ -25,7 +25,7 @@ use image::RgbImage;
 use crate::keys::{Key, Modifiers};
 use crate::session::Session;
 
-pub(crate) use mark::move_to_pins;
+pub(crate) use mark::{is_on_pins, move_to_pins};
 pub use place::{PlanHandle, is_inside, plan_handles};
 
 /// Canvas on which the tools act.

@@ -70,9 +70,18 @@ impl Segment {
             let name = format!("add {}", session.part_name(part));
             session.tool.fresh_group = false;
             session.commit(name);
-            if self.kind.row().has_length {
-                session.note = Some("Enter its length in the list. It is not used until you do.".into());
-            }
+            let is_upright = self.kind.row().shape == Shape::FootAndHead;
+            let is_open =
+                session.entry().and_then(|entry| entry.annotations.last()).is_some_and(|drawn| drawn.off);
+            let note = match (self.kind.row().has_length, is_upright, is_open) {
+                (true, ..) => "Enter its length in the list. It is not used until you do.",
+                (_, true, true) => {
+                    "Choose person or door in the list, or enter its height. It is not used until you do."
+                }
+                (_, true, false) => "Its height is that of the last upright. Change it in the list.",
+                _ => return,
+            };
+            session.note = Some(note.into());
         }
     }
 }

@@ -483,7 +483,7 @@ pub(super) fn floor(rel: f64) -> String {
 
 pub(super) fn joint_misfit(chi2: f64, dof: i64) -> String {
     format!(
-        "The cameras that were solved together contradict each other (chi-square {chi2:.0}, {dof} degrees of freedom)."
+        "Control points, links and marks contradict each other or the lines (chi-square {chi2:.0}, {dof} degrees of freedom)."
     )
 }
 
