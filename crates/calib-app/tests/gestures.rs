@@ -518,7 +518,10 @@ fn corners_of_a_rectangle_calibrate_a_camera_without_lines() {
     site.cameras.truncate(1);
     let mut desk = Desk::new(site);
     desk.take("Mark");
-    desk.app().act(Action::MarkKind(MarkKind::Rectangle));
+    // The panel of marks is next to the image while the tool is active.
+    desk.harness.get_by_label("Mark kind rectangle").click();
+    desk.harness.run_steps(2);
+    assert_eq!(desk.app().editor.session().tool.mark_kind, MarkKind::Rectangle);
     let image = Pane::Image(0);
     for (index, corner) in corners.iter().enumerate() {
         let editor = &desk.app().editor;

@@ -49,7 +49,9 @@ pub fn above_ui(app: &mut App, ui: &mut Ui) {
             let ellipses = app.ellipse_size();
             let step = paint(&painter, rect, entry, pose, picture, (units, ellipses));
             let step = units.length(step, 0);
-            words(format!("{step} grid. {}", ellipses.label()));
+            let is_scaled = app.editor.session().solved.scale_is_known(app.editor.session().camera);
+            let assumed = if is_scaled { "" } else { " (assumed)" };
+            words(format!("{step} grid{assumed}. {}", ellipses.label()));
         }
         _ => words("Draw lines first".into()),
     }

@@ -9,6 +9,7 @@ pub(crate) mod status;
 pub mod topbar;
 pub mod views;
 
+use calib_editor::{Icon, Part, TOOLS};
 use egui::{CentralPanel, Frame, Margin, Panel, ScrollArea, Ui};
 
 use crate::annotate::{annotations, lens, links, result, steps};
@@ -105,6 +106,13 @@ pub fn window_ui(app: &mut App, ui: &mut Ui) {
     outside::asked_ui(app, ui.ctx());
 }
 
+/// Whether the mark tool is active, or a mark or one of its pins is selected.
+fn are_marks_edited(app: &App) -> bool {
+    let is_mark = |part: &Part| matches!(part, Part::Mark(_) | Part::Pin { .. });
+    TOOLS.get(app.editor.tool_row()).is_some_and(|tool| tool.icon == Icon::Mark)
+        || app.editor.session().selection.iter().any(is_mark)
+}
+
 fn right(app: &mut App, ui: &mut Ui) {
     warnings::error(app, ui);
     if app.editor.session().entry().is_none() {
@@ -121,6 +129,9 @@ fn right(app: &mut App, ui: &mut Ui) {
         }
         match app.view.mode {
             Mode::Image => {
+                if are_marks_edited(app) {
+                    section(ui, |ui| links::marks_ui(app, ui));
+                }
                 // Fields come before notices that appear and disappear, so that they stay under the pointer
                 // while typing.
                 section(ui, |ui| lens::lens_ui(app, ui));

@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
 /// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
-const REST: [&str; 67] = [
+const REST: [&str; 69] = [
     // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
@@ -37,12 +37,14 @@ const REST: [&str; 67] = [
     "kurbo::offset",
     "kurbo::stroke",
     "calib_app::export",
-    "calib_app::annotate::links::court_menu",
+    "calib_app::annotate::links",
     "calib_app::plan::drawing_fields",
     "calib_app::plan::agreement",
     "calib_app::plan::placement",
+    "calib_app::scene3d",
     "calib_app::shell::palette",
     "calib_editor::apply::proposing",
+    "calib_editor::tools::mark",
     "calib_plan::dxf",
     "calib_plan::read",
     "jiff",
