@@ -209,3 +209,32 @@ fn corners_of_a_marked_court_calibrate_a_camera_without_lines() {
         }
     }
 }
+
+#[test]
+fn mark_determines_a_camera_with_too_few_control_points() {
+    // Three control points leave the focal length open.
+    let mut random = ChaCha8Rng::seed_from_u64(8);
+    let three = site(&court(3), 0.0, &mut random).cameras.remove(0).control_points;
+    let mut site = Site { scene: Some(SceneEntry::EXACT), ..court_mark(false) };
+    site.cameras[0].control_points = three;
+    for refine in [false, true] {
+        let options = Options { refine, ..Options::default() };
+        let solution = site.calibrate(&options).cameras.remove(0).1.unwrap();
+        assert!((solution.focal_px / 1250.0 - 1.0).abs() < 1e-4, "{refine}: {solution:?}");
+        assert!(solution.position_m.unwrap().distance(truth().position) < 1e-2, "{refine}: {solution:?}");
+    }
+}
+
+#[test]
+fn placement_of_a_camera_from_a_mark_does_not_change_its_orientation() {
+    let mut site = Site { scene: Some(SceneEntry::EXACT), ..court_mark(false) };
+    let entered = serde_json::json!({"move_m": [5.0, 4.0], "turn_deg": 70.0, "scale": 1.0, "fixed": true});
+    site.cameras[0].placement = Some(serde_json::from_value(entered).unwrap());
+    let options = Options { refine: false, ..Options::default() };
+    let report = site.calibrate(&options);
+    assert!(report.site.warnings.is_empty(), "the mark is used: {:?}", report.site.warnings);
+    let solution = report.cameras.into_iter().next().unwrap().1.unwrap();
+    assert!((solution.focal_px / 1250.0 - 1.0).abs() < 1e-4, "{solution:?}");
+    assert!((solution.pitch_deg.unwrap() - 24.0).abs() < 1e-3, "{solution:?}");
+    assert!((solution.yaw_deg.unwrap() - 70.0).abs() < 1e-3, "{solution:?}");
+}

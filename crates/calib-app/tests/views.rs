@@ -9,7 +9,7 @@ use calib_app::command::{self, Command};
 use calib_app::state::Place;
 use calib_app::storage::files::Images;
 use calib_core::{Annotation, Kind, Pixel, WorldPoint};
-use calib_editor::{Action, Pane, PlanHandle, TOOLS, Units, plan_handles};
+use calib_editor::{Action, Pane, Part, PlanHandle, TOOLS, Units, plan_handles};
 use calib_site::Site;
 use calib_tests::Scratch;
 use desk::{Desk, demo, still};
@@ -67,7 +67,7 @@ fn lengths_of_unknown_scale_are_multiples_of_the_camera_height() {
     desk.harness.run_steps(2);
     let shown = words(&desk);
     assert!(shown.contains("camera height"), "{shown}");
-    assert!(shown.contains("Height, assumed") && shown.contains("Length on the floor, ratio"), "{shown}");
+    assert!(shown.contains("Height, assumed") && shown.contains("Ratio of floor lengths"), "{shown}");
     // The result offers the annotations that determine the scale.
     desk.harness.get_by_label_contains("Draw a person, a door").click();
     desk.harness.run_steps(2);
@@ -81,7 +81,12 @@ fn lengths_of_unknown_scale_are_multiples_of_the_camera_height() {
     assert!(desk.site().cameras[0].annotations.last().unwrap().off);
     assert!(!desk.app().editor.session().solved.scale_is_known(0));
     let last = desk.site().cameras[0].annotations.len() - 1;
-    let sized = Annotation { off: false, ..desk.site().cameras[0].annotations[last].clone() };
+    // Without a height, it cannot be switched on.
+    desk.app().act(Action::Select(Part::Line { annotation: last, segment: 0 }));
+    desk.tell(Command::OnOff);
+    assert!(desk.site().cameras[0].annotations[last].off);
+    let drawn = desk.site().cameras[0].annotations[last].clone();
+    let sized = Annotation { off: false, height_m: None, like: Some("person".into()), ..drawn };
     let change = Action::Annotate { index: last, annotation: Box::new(sized), name: "size".into() };
     desk.app().act(change);
     assert!(desk.app().editor.session().solved.scale_is_known(0));

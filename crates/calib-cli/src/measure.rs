@@ -177,17 +177,11 @@ fn stored(file: &SiteFile, args: &Args) -> Result<(), CommandError> {
 
 /// Warns about cameras whose scale is assumed.
 fn warn_assumed_scale(site: &Site, measurement: &Measurement) {
-    let entries = measurement.points.iter().filter_map(|point| {
-        let entry = site.camera_at(&point.camera, point.at.as_deref()).ok()?;
-        (entry.camera().is_some() && !site.scale_is_known(entry)).then_some(entry.id.as_str())
-    });
-    let mut ids: Vec<&str> = entries.collect();
-    ids.dedup();
-    for id in ids {
-        print_message(format_args!(
-            "calib: camera \"{id}\": the scale is assumed, so the result can be wrong in proportion; enter a height or a length"
-        ));
-    }
+    let note =
+        |point: &MeasurementPoint| site.scale_note(site.camera_at(&point.camera, point.at.as_deref()).ok()?);
+    let mut notes: Vec<String> = measurement.points.iter().filter_map(note).collect();
+    notes.dedup();
+    notes.iter().for_each(|note| print_message(format_args!("calib: {note}")));
 }
 
 /// Returns the result with SI units in the names of its fields.

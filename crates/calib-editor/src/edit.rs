@@ -11,9 +11,18 @@ use calib_site::{Site, SiteCamera};
 use crate::hit::Part;
 use crate::session::Session;
 
-/// Prior on the height of an upright until the operator enters another height: mean and standard deviation,
-/// in metres.
+/// Placeholder height of an upright that is switched off until the operator enters its height: mean and standard
+/// deviation, in metres.
 const UNKNOWN_UPRIGHT_HEIGHT_M: Known = Known::prior(1.75, 0.07);
+
+/// Whether an annotation is an upright that is not used until the operator enters its height.
+#[must_use]
+pub fn waits_for_height(annotation: &Annotation) -> bool {
+    annotation.kind == Kind::Upright
+        && annotation.off
+        && annotation.like.is_none()
+        && annotation.height_m == Some(UNKNOWN_UPRIGHT_HEIGHT_M)
+}
 
 /// Returns the raw pixel of a point for editing; `None` for parts that are not a single point.
 pub fn pixel_mut(site: &mut Site, camera: usize, part: Part) -> Option<&mut Pixel> {
@@ -130,10 +139,10 @@ pub fn add_line(entry: &mut SiteCamera, kind: Kind, line: Vec<Pixel>, fresh: boo
         Shape::FootAndHead => {
             let (foot, head) = (line.first().copied(), line.last().copied());
             let drawn = Annotation { foot, head, ..Annotation::new(kind) };
-            // The next upright is like the last one. Without a size, an upright is switched off until the operator
-            // enters one.
-            let known = last.map(|index| &entry.annotations[index]).filter(|last| !last.off);
-            let drawn = match known {
+            // The next upright has the size of the last one in use. The first one is switched off until the operator
+            // enters its size.
+            let is_used = |other: &&Annotation| other.kind == kind && !other.off;
+            let drawn = match entry.annotations.iter().rfind(is_used) {
                 Some(last) => Annotation { height_m: last.height_m, like: last.like.clone(), ..drawn },
                 None => Annotation { height_m: Some(UNKNOWN_UPRIGHT_HEIGHT_M), off: true, ..drawn },
             };
@@ -304,6 +313,7 @@ pub fn duplicate(entry: &mut SiteCamera, parts: &BTreeSet<Part>, by: [f64; 2]) -
             && let Some(copy) = entry.annotations.get_mut(to)
         {
             (copy.length_m, copy.height_m, copy.like) = (drawn.length_m, drawn.height_m, drawn.like.clone());
+            copy.off = drawn.off;
             (copy.sigma_px, copy.exact) = (drawn.sigma_px, drawn.exact);
             (copy.angle_sigma_deg, copy.length_sigma_rel) = (drawn.angle_sigma_deg, drawn.length_sigma_rel);
             if drawn.kind.row().shape == Shape::Segments {

@@ -60,7 +60,8 @@ fn marks<'a>(site: &'a Site, family: &'a [usize]) -> impl Iterator<Item = &'a Ma
     site.marks.iter().filter(move |mark| !mark.off && mark.seen.iter().any(|seen| is_own(&seen.camera)))
 }
 
-/// Returns the inputs of a mark on which cameras solved separately depend. Its position on the floor is not one of them.
+/// Returns the inputs of a mark on which cameras solved separately depend. Its position on the floor is no such
+/// input.
 fn shape_inputs(mark: &Mark) -> (MarkKind, f64, &[f64], &[MarkObservation]) {
     (mark.kind, mark.at_m.z, &mark.size_m, &mark.seen)
 }
@@ -343,7 +344,9 @@ impl Solved {
     pub fn scale_is_known(&self, index: usize) -> bool {
         let Some(solution) = self.solution(index) else { return false };
         let is_open = |(joint, _): (&Joint, usize)| joint.report().site.scale == Some(Scale::Unknown);
-        !solution.has_warning(Code::ScaleAssumed) && !self.joint_of_camera(index).is_some_and(is_open)
+        let is_of_joint =
+            solution.stage == Stage::Refined && self.joint_of_camera(index).is_some_and(is_open);
+        !(is_of_joint || solution.has_warning(Code::ScaleAssumed))
     }
 
     /// Returns the finding from which a warning of a camera was written; `None` for a warning that was read

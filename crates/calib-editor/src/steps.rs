@@ -215,12 +215,17 @@ fn used_points(session: &Session, entry: &SiteCamera) -> usize {
 /// if there are too few of them.
 fn points_state(session: &Session, entry: &SiteCamera) -> Option<String> {
     let used = used_points(session, entry);
-    if used >= 3 {
-        return Some(format!("from {}", counted(used, "control point", "control points")));
+    let focal_is_known = entry.lens.as_ref().is_some_and(|lens| lens.focal_px.is_some());
+    let from_points = || format!("from {}", counted(used, "control point", "control points"));
+    // Three points determine the pose only with a known focal length.
+    if used >= 4 || used == 3 && focal_is_known {
+        return Some(from_points());
     }
     let pins = |mark: &Mark| mark.seen.iter().filter(|seen| seen.camera == entry.id).count();
-    let marks = session.site.marks.iter().enumerate().filter(|(_, mark)| !mark.off && pins(mark) >= 4);
-    marks.max_by_key(|(_, mark)| pins(mark)).map(|(index, mark)| format!("from mark {}", mark.label(index)))
+    let marks = session.site.marks.iter().enumerate().filter(|(_, mark)| !mark.off && pins(mark) >= 3);
+    let best = marks.max_by_key(|(_, mark)| pins(mark));
+    best.map(|(index, mark)| format!("from mark {}", mark.label(index)))
+        .or_else(|| (used == 3).then(from_points))
 }
 
 /// Returns the steps of a camera in working order.
@@ -303,8 +308,8 @@ pub fn is_serious(code: Code) -> bool {
     code.severity() > Severity::Note || code.fails_check()
 }
 
-/// Returns the predicted relative standard deviation of floor lengths that a camera measures. `None` if it or the
-/// scale is unknown.
+/// Returns the predicted relative standard deviation of floor lengths that a camera measures. `None` if this number
+/// or the scale is unknown.
 #[must_use]
 pub fn floor_sigma(session: &Session, camera: usize) -> Option<f64> {
     let rel = session.solved.solution(camera)?.sigma.as_ref()?.floor_length_rel;

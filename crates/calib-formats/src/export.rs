@@ -87,14 +87,6 @@ impl Export {
         }
     }
 
-    /// Reports a camera whose scale is assumed.
-    pub(crate) fn report_assumed_scale(&mut self, view: &View) {
-        self.notes.push(format!(
-            "camera {:?}: nothing determines its scale; a height of {:.2} m is assumed, and all its lengths with it",
-            view.id, view.camera.position.z
-        ));
-    }
-
     /// Reports a stream with another aspect ratio than the camera's image.
     pub(crate) fn report_aspect_ratio(&mut self, view: &View) {
         let ([w, h], [sw, sh]) = (view.size, view.image_size);

@@ -95,7 +95,7 @@ pub fn export(format: &Format, site: &Site, options: &ExportOptions) -> Result<E
     let mut export = Export { unsolved, ..Export::default() };
     if format.has_positions {
         views.iter().filter(|view| !view.is_placed).for_each(|view| export.report_unplaced(site, view));
-        views.iter().filter(|view| !view.is_scaled).for_each(|view| export.report_assumed_scale(view));
+        export.notes.extend(views.iter().filter_map(|view| view.scale_note.clone()));
     }
     export.report_planes(site, format.planes);
     views.iter().filter(|view| view.is_stretched()).for_each(|view| export.report_aspect_ratio(view));

@@ -69,8 +69,8 @@ pub(crate) struct View {
     pub(crate) valid_to: Option<String>,
     /// Whether the camera's position in the site is known.
     pub(crate) is_placed: bool,
-    /// Whether the scale of the camera is known.
-    pub(crate) is_scaled: bool,
+    /// Note about an unknown scale of the camera.
+    pub(crate) scale_note: Option<String>,
 }
 
 /// Distortion in the terms that most formats support.
@@ -125,7 +125,7 @@ impl View {
             valid_from: entry.valid_from.clone(),
             valid_to: entry.valid_to.clone(),
             is_placed: entry.is_placed(),
-            is_scaled: site.scale_is_known(entry),
+            scale_note: site.scale_note(entry),
         };
         view.efov_px = drawn.into_iter().map(|pixel| view.in_stream(pixel)).collect();
         Some(view)

@@ -49,7 +49,7 @@ impl Camera {
 impl Camera {
     /// Maps boxes of a detector to floor points: the foot point of a box is the middle of its lower edge.
     ///
-    /// Args: boxes: array of the shape (..., 4). For rows with more columns pass ``boxes[...,
+    /// Args: boxes: array of the shape (..., 4), in pixels, or fractions for "yolo". For rows with more columns pass ``boxes[...,
     /// :4]``. height: height of the plane above the floor, in metres. form: "xywh" (upper left corner, width,
     /// height), "xyxy" (upper left and lower right corner), "cxcywh" (centre, width, height) or "yolo" (centre,
     /// width, height as fractions of the stream); required. A box with exchanged corners gets the status

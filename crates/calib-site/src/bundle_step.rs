@@ -55,7 +55,7 @@ pub(crate) struct BundleResult {
     pub(crate) loop_closure: Option<f64>,
     /// Cross-covariances of jointly refined pairs of cameras.
     pub(crate) pairs: HashMap<[usize; 2], CrossCovariance>,
-    /// Indices of the marks whose points determine a camera in stage 1.
+    /// Indices of the marks that only one camera shows, and whose points determine it in stage 1.
     pub(crate) single_marks: Vec<usize>,
 }
 
@@ -132,7 +132,18 @@ impl Site {
                 *estimate = member.refined_by_points(self);
             }
         }
+        result.single_marks = self.single_marks(&members);
         result
+    }
+
+    /// Returns the indices of the marks that only one camera shows, and whose points determine it in stage 1.
+    fn single_marks(&self, members: &[Option<Member>]) -> Vec<usize> {
+        let mark = |member: &Member| {
+            let is_own =
+                |mark: &usize| self.marks[*mark].seen.iter().all(|seen| seen.camera == member.entry.id);
+            member.single.mark.filter(is_own)
+        };
+        members.iter().flatten().filter_map(mark).collect()
     }
 
     /// Refines every camera for itself: its lens with its lines, or its principal point with its control
@@ -143,11 +154,13 @@ impl Site {
         single_fits: &[Result<SingleFit, Failure>],
     ) -> BundleResult {
         let mut result = refine_lenses(entries, single_fits, self.plane_priors(), true);
-        for (estimate, member) in result.cameras.iter_mut().zip(members(entries, single_fits)) {
-            if let Some(member) = member.filter(Member::has_only_points) {
+        let members = members(entries, single_fits);
+        for (estimate, member) in result.cameras.iter_mut().zip(&members) {
+            if let Some(member) = member.as_ref().filter(|member| member.has_only_points()) {
                 *estimate = member.refined_by_points(self);
             }
         }
+        result.single_marks = self.single_marks(&members);
         result
     }
 }
@@ -194,8 +207,7 @@ fn adjust(
             estimate.camera = member.with_single_pose(&estimate.camera);
         }
     }
-    let single_marks = members.iter().flatten().filter_map(|member| member.single.mark).collect();
-    BundleResult { single_marks, ..BundleResult::new(summary, sources, indices, unused) }
+    BundleResult::new(summary, sources, indices, unused)
 }
 
 fn bundle_cameras<'a>(entries: &[&SiteCamera], members: &[Option<Member<'a>>]) -> Vec<BundleCamera<'a>> {
@@ -284,7 +296,7 @@ impl<'a> Member<'a> {
         let kept = landmarks.into_iter().map(|landmark| Landmark { keep: true, ..landmark });
         let mut camera = self.bundle_camera(None);
         if single.mark.is_some() {
-            // The mark is at its position in the file, in which the placement of the camera is meaningless.
+            // The mark is at its position in the file, which is unrelated to the placement of the camera.
             camera.camera = self.own;
             (camera.initial_pose, camera.fixed_pose) = (InitialPose::Unknown, FixedPose::default());
         }

@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn round_lengths_are_round_in_both_units() {
+    fn lengths_of_steps_and_scale_bars_are_round() {
         assert_eq!(Units::Feet.trimmed_length(Units::Feet.step(30.0, 24.0)), "5 ft");
         assert_eq!(Units::Metres.trimmed_length(Units::Metres.step(30.0, 24.0)), "2 m");
         assert_eq!(Units::Feet.trimmed_length(Units::Feet.round_length_below(3.5)), "10 ft");

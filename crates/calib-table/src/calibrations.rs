@@ -365,18 +365,13 @@ fn position_notes(site: &Site, is_wanted: impl Fn(&&SiteCamera) -> bool) -> Vec<
     let has_places = site.cameras.iter().any(SiteCamera::is_placed);
     let mut notes = Vec::new();
     for entry in site.cameras.iter().filter(is_wanted) {
-        let (Some(camera), id) = (entry.camera(), &entry.id) else { continue };
-        if has_places && !entry.is_placed() {
+        if has_places && entry.camera().is_some() && !entry.is_placed() {
+            let id = &entry.id;
             notes.push(format!(
                 "camera \"{id}\" is not placed: its coordinates are relative to the floor point below it, not to the site"
             ));
         }
-        if !site.scale_is_known(entry) {
-            let height = camera.position.z;
-            notes.push(format!(
-                "camera \"{id}\": nothing determines its scale; a height of {height:.2} m is assumed, and all its lengths with it"
-            ));
-        }
+        notes.extend(site.scale_note(entry));
     }
     notes
 }

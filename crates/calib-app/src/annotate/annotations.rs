@@ -2,6 +2,7 @@
 
 use calib_core::single::{ConstraintKind, KINDS, Known, USUAL_SIZES, UsualSize, line_name, straightness};
 use calib_core::{Annotation, Pixel};
+use calib_editor::edit::waits_for_height;
 use calib_editor::{Action, Part, TOOLS, Units, planes};
 use egui::{Align2, Rect, RichText, Role, Sense, Ui, Vec2, WidgetInfo};
 
@@ -159,7 +160,7 @@ fn group(
                 if length(ui, units, &mut value, "Known length") {
                     requests.push(RowRequest::Length(index, value));
                 }
-            } else if annotation.off && row.constraint == ConstraintKind::Upright {
+            } else if waits_for_height(annotation) {
                 let label = ui.label(RichText::new("height").color(palette.text2));
                 let entered = empty_field(ui, ("height", index), label.id, units, None);
                 requests.extend(entered.map(|metres| RowRequest::Height(index, metres)));
@@ -334,7 +335,7 @@ fn apply_request(app: &mut App, request: RowRequest) {
         }
         RowRequest::Toggle(index) => {
             let name = app.editor.session().part_name(Part::Line { annotation: index, segment: 0 });
-            drawn(index).map(|annotation| {
+            drawn(index).filter(|annotation| !waits_for_height(annotation)).map(|annotation| {
                 let off = !annotation.off;
                 annotate(index, Annotation { off, ..annotation }, &format!("switch {name} on or off"))
             })
@@ -347,9 +348,11 @@ fn apply_request(app: &mut App, request: RowRequest) {
             .map(|annotation| annotate(index, with_size(annotation, &chosen), "choose a usual size")),
         RowRequest::Sigmas(index, annotation) => Some(annotate(index, *annotation, "change \u{b1}")),
         RowRequest::Height(index, value) => drawn(index).map(|annotation| {
-            let sigma = annotation.height_m.filter(|_| !annotation.off).and_then(|height| height.sigma);
-            let height = Known::prior(value, sigma.unwrap_or(TYPED_HEIGHT_SIGMA_M));
-            let measured = Annotation { height_m: Some(height), off: false, ..annotation };
+            let known = annotation.height_m.filter(|_| !waits_for_height(&annotation));
+            let height =
+                known.map_or(Known::prior(value, TYPED_HEIGHT_SIGMA_M), |known| Known { value, ..known });
+            let off = annotation.off && known.is_some();
+            let measured = Annotation { height_m: Some(height), off, ..annotation };
             annotate(index, measured, "enter the height of an upright")
         }),
     };

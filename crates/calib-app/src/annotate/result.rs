@@ -172,8 +172,8 @@ fn scale_menu(ui: &mut Ui) -> Option<usize> {
     let mut chosen = None;
     ui.menu_button("Draw a person, a door or a known length\u{2026}", |ui| {
         let rows = [
-            ("Person or door, from foot to top (U)", Kind::Upright),
-            ("Known length on the floor (L)", Kind::KnownLength),
+            ("Person or door, from foot to top", Kind::Upright),
+            ("Known length on the floor", Kind::KnownLength),
         ];
         for (text, kind) in rows {
             if ui.button(text).clicked() {
@@ -372,7 +372,7 @@ fn floor_row(ui: &mut Ui, solution: &Solution, is_scaled: bool) {
     let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 26.0), Sense::hover());
     // An error of 100 % or more counts as unknown.
     let text = if rel < 1.0 { format!("\u{b1} {:.1} %", 100.0 * rel) } else { "unknown".into() };
-    let title = if is_scaled { "Length on the floor" } else { "Length on the floor, ratio" };
+    let title = if is_scaled { "Length on the floor" } else { "Ratio of floor lengths" };
     let words = format!("{title} {text}");
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Label, true, &words));
     ui.painter().rect_filled(rect, 4.0, palette.raised);

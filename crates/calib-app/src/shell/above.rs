@@ -50,7 +50,7 @@ pub fn above_ui(app: &mut App, ui: &mut Ui) {
             let step = paint(&painter, rect, entry, pose, picture, (units, ellipses));
             let step = units.length(step, 0);
             let is_scaled = app.editor.session().solved.scale_is_known(app.editor.session().camera);
-            let assumed = if is_scaled { "" } else { " (assumed)" };
+            let assumed = if is_scaled { "" } else { " (scale assumed)" };
             words(format!("{step} grid{assumed}. {}", ellipses.label()));
         }
         _ => words("Draw lines first".into()),

@@ -170,7 +170,7 @@ impl Editor {
     /// Changes the flags `off` and `keep` of all selected annotations, control points, links and marks, each
     /// once.
     fn change_flags(&mut self, parts: &BTreeSet<Part>, name: &str, change: impl Fn(&mut bool, &mut bool)) {
-        let mut seen = BTreeSet::new();
+        let (mut seen, mut waits) = (BTreeSet::new(), false);
         let site = &mut self.session.site;
         for &part in parts {
             let key = match part {
@@ -184,6 +184,11 @@ impl Editor {
                 continue;
             }
             let entry = site.cameras.get_mut(self.session.camera);
+            let drawn = entry.as_ref().and_then(|entry| entry.annotations.get(key.1));
+            if key.0 == 0 && drawn.is_some_and(edit::waits_for_height) {
+                waits = true;
+                continue;
+            }
             let pair = match key.0 {
                 0 => entry.and_then(|e| e.annotations.get_mut(key.1)).map(|a| (&mut a.off, &mut a.keep)),
                 1 => entry.and_then(|e| e.control_points.get_mut(key.1)).map(|p| (&mut p.off, &mut p.keep)),
@@ -195,6 +200,9 @@ impl Editor {
             }
         }
         self.session.commit(name);
+        if waits {
+            self.session.note = Some("Enter the height of the upright first.".into());
+        }
     }
 
     fn move_onto_edges(&mut self, parts: &BTreeSet<Part>, name: &str, image: Option<&RgbImage>) {

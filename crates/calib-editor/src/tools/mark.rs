@@ -295,8 +295,11 @@ impl Corners {
         let name = session.part_name(Part::Mark(mark));
         session.commit(format!("add {name}"));
         if session.note.is_none() {
-            let solved =
-                if session.solved.pose(self.camera).is_some() { "" } else { "This size does not fit. " };
+            let solved = if session.solved.pose(self.camera).is_some() {
+                ""
+            } else {
+                "The camera cannot be solved with this size. "
+            };
             let note = format!("{solved}Choose the court, or enter width and depth, under Marks.");
             session.note = Some(note);
         }

@@ -78,7 +78,7 @@ impl Segment {
                 (_, true, true) => {
                     "Choose person or door in the list, or enter its height. It is not used until you do."
                 }
-                (_, true, false) => "Its height is that of the last upright. Change it in the list.",
+                (_, true, false) => "It has the same height as the last upright. Change it in the list.",
                 _ => return,
             };
             session.note = Some(note.into());
