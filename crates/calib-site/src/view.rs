@@ -73,21 +73,6 @@ impl Site {
         !(is_assumed || solution.stage == Stage::Refined && scale == Some(Scale::Unknown))
     }
 
-    /// Returns a note for users of the lengths of a calibrated camera if its scale is unknown.
-    #[must_use]
-    pub fn scale_note(&self, entry: &SiteCamera) -> Option<String> {
-        let solution =
-            entry.solution.as_ref().filter(|_| entry.camera().is_some() && !self.scale_is_known(entry))?;
-        let height = solution.position_m.filter(|_| has_warning(solution, Code::ScaleAssumed));
-        let assumed = height.map_or_else(String::new, |position| {
-            format!(" A camera height of {} is assumed.", self.units.length(position.z, 2))
-        });
-        Some(format!(
-            "camera \"{}\": the scale is unknown, so all lengths can be wrong by a common factor.{assumed} Enter a height or a length.",
-            entry.id
-        ))
-    }
-
     /// Returns the calibrated camera of an entry, for mapping points to the floor. If its scale is unknown,
     /// the variance of its height is unknown. If it was placed by hand, the variance of its position is
     /// unknown. An unknown variance is not the same as zero.

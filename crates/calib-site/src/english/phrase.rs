@@ -2,13 +2,30 @@
 //! suggestions.
 
 use calib_core::outcome::{
-    DisconnectionReason, Estimator, Finding, OtherMinimum, Parameter, SharedEvidence, Source, Subject,
+    Code, DisconnectionReason, Estimator, Finding, OtherMinimum, Parameter, SharedEvidence, Source, Subject,
     SuggestedAnnotation, Suggestion, UnusedReason,
 };
 use calib_core::single::{Annotation, line_name};
 
 use crate::document::{Site, SiteCamera};
 use crate::units::Units;
+
+impl Site {
+    /// Returns a note for users of the lengths of a calibrated camera if its scale is unknown.
+    #[must_use]
+    pub fn scale_note(&self, entry: &SiteCamera) -> Option<String> {
+        let solution =
+            entry.solution.as_ref().filter(|_| entry.camera().is_some() && !self.scale_is_known(entry))?;
+        let height = solution.position_m.filter(|_| solution.has_warning(Code::ScaleAssumed));
+        let assumed = height.map_or_else(String::new, |position| {
+            format!(" A camera height of {} is assumed.", self.units.length(position.z, 2))
+        });
+        Some(format!(
+            "camera \"{}\": the scale is unknown, so all lengths can be wrong by a common factor.{assumed} Enter a height or a length.",
+            entry.id
+        ))
+    }
+}
 
 /// Formats a count with the singular or plural form: "1 line", "2 lines", "0 lines".
 #[must_use]
