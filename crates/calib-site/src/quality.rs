@@ -266,7 +266,11 @@ impl Site {
 /// Returns findings about unused landmarks, distances and cameras, with the reason.
 fn unused_landmarks(bundle: &BundleResult) -> impl Iterator<Item = Finding> {
     let landmarks = |list: &[usize]| -> Vec<Subject> {
-        let is_unused = |of: &LandmarkSource| !matches!(of, LandmarkSource::Mark(mark) if bundle.single_marks.contains(mark));
+        // Stage 1 uses these marks.
+        let is_unused = |of: &LandmarkSource| match of {
+            LandmarkSource::Mark(mark) => !bundle.single_marks.contains(mark),
+            LandmarkSource::ControlPoint { .. } | LandmarkSource::Link(_) => true,
+        };
         let sources = list.iter().map(|&landmark| bundle.landmarks[landmark].0);
         sources.filter(is_unused).map(Subject::from).collect()
     };

@@ -326,8 +326,7 @@ impl Floor<'_> {
         let tick = Vec2::new(0.0, 5.0);
         line(painter, &[left - tick, left, right, right - tick], Pen::new(on_image::WHITE, 1.5));
         let at = left + Vec2::new(0.5 * length, -8.0);
-        let text = format!("{} {}", metres / units.metres(), units.symbol());
-        tag(painter, at, Align2::CENTER_BOTTOM, &text, on_image::WHITE);
+        tag(painter, at, Align2::CENTER_BOTTOM, &units.trimmed_length(metres), on_image::WHITE);
         let at = rect.right_bottom() + Vec2::new(-16.0, -16.0);
         if rect.width() > 300.0 {
             tag(painter, at, Align2::RIGHT_BOTTOM, &self.ellipses.label(), on_image::WHITE);
