@@ -49,11 +49,11 @@ impl Camera {
 impl Camera {
     /// Maps boxes of a detector to floor points: the foot point of a box is the middle of its lower edge.
     ///
-    /// Args: boxes: array of the shape (..., 4), in pixels, or fractions for "yolo". For rows with more columns pass ``boxes[...,
-    /// :4]``. height: height of the plane above the floor, in metres. form: "xywh" (upper left corner, width,
-    /// height), "xyxy" (upper left and lower right corner), "cxcywh" (centre, width, height) or "yolo" (centre,
-    /// width, height as fractions of the stream); required. A box with exchanged corners gets the status
-    /// `MISSING`. out, origin, stream_size, fit, crop: as for `to_floor`.
+    /// Args: boxes: array of the shape (..., 4), in pixels, or fractions for "yolo". For rows with more
+    /// columns pass ``boxes[..., :4]``. height: height of the plane above the floor, in metres. form: "xywh"
+    /// (upper left corner, width, height), "xyxy" (upper left and lower right corner), "cxcywh" (centre,
+    /// width, height) or "yolo" (centre, width, height as fractions of the stream); required. A box with
+    /// exchanged corners gets the status `MISSING`. out, origin, stream_size, fit, crop: as for `to_floor`.
     ///
     /// Returns: (x, y, status), arrays of the shape (...): metres, and statuses as uint8.
     #[pyo3(
