@@ -239,9 +239,13 @@ pub(crate) fn run(install: bool) -> anyhow::Result<()> {
         scope.spawn(|| queue(true));
         queue(false);
     });
-    let Progress { mut failed, skipped, .. } =
+    let Progress { mut failed, skipped, seconds, .. } =
         runner.progress.into_inner().unwrap_or_else(PoisonError::into_inner);
     let listed = read_to_string(&runner.skips)?;
+    println!("\nTime of each check, both queues:");
+    for (check, seconds) in seconds {
+        println!("{seconds:6.0} s  {check}");
+    }
     println!();
     let count = skipped.len() + listed.lines().count();
     for line in listed.lines().chain(skipped.iter().map(String::as_str)) {
@@ -252,18 +256,23 @@ pub(crate) fn run(install: bool) -> anyhow::Result<()> {
         failed.extend(listed.lines().filter(|line| line.starts_with("MISSING")).map(Into::into));
     }
     if !failed.is_empty() {
+        for check in CHECKS.iter().filter(|check| failed.iter().any(|failure| failure == check.name)) {
+            print_last_lines(check);
+        }
         bail!("failed: {}", failed.join("; "));
     }
     println!("{} passed, 0 failed, {count} skipped", CHECKS.len() - skipped.len());
     Ok(())
 }
 
-/// Names of the checks that have ended so far: all, failed and skipped.
+/// Names of the checks that have ended so far (all, failed and skipped), and their times.
 #[derive(Default)]
 struct Progress {
     done: BTreeSet<&'static str>,
     failed: Vec<String>,
     skipped: Vec<String>,
+    /// Names and times of the finished checks, in seconds.
+    seconds: Vec<(&'static str, f64)>,
 }
 
 /// State shared by the commands of all checks.
@@ -287,8 +296,10 @@ impl Runner {
                 |progress: &mut Progress| check.after.is_some_and(|other| !progress.done.contains(other));
             drop(self.check_finished.wait_while(self.progress(), waits));
             // Catches panics, because the other queue may wait for this check.
+            let start = Instant::now();
             let result = catch_unwind(AssertUnwindSafe(|| self.run_check(check)));
             let mut progress = self.progress();
+            progress.seconds.push((check.name, start.elapsed().as_secs_f64()));
             match result {
                 Ok(Ok(CheckResult::Passed)) => {}
                 Ok(Ok(CheckResult::Failed)) => progress.failed.push(check.name.into()),
@@ -417,6 +428,20 @@ enum CheckResult {
 /// Returns the file that receives the output of a check in the background queue.
 fn output_file(check: &Check) -> PathBuf {
     root().join("target/checks").join(check.name.replace(' ', "-")).with_extension("txt")
+}
+
+/// Prints the last lines of a failed check in the background queue.
+///
+/// The whole output was printed when the check ended, far above the end of a long log.
+fn print_last_lines(check: &Check) {
+    /// Number of printed lines.
+    const LINES: usize = 40;
+    let Ok(output) = read_to_string(output_file(check)) else { return };
+    let lines: Vec<&str> = output.lines().collect();
+    println!("\n== {}: last lines", check.name);
+    for line in lines.iter().skip(lines.len().saturating_sub(LINES)) {
+        println!("{line}");
+    }
 }
 
 /// Creates an empty folder, so that a run does not depend on earlier runs.

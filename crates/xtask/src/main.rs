@@ -20,6 +20,7 @@ mod notices;
 mod heavy;
 
 use std::path::PathBuf;
+use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
@@ -150,8 +151,19 @@ enum Heavy {
     },
 }
 
-fn main() -> anyhow::Result<()> {
-    match Cli::parse().command {
+fn main() -> ExitCode {
+    match run(Cli::parse().command) {
+        Ok(()) => ExitCode::SUCCESS,
+        // The `Debug` form of the error would also print a backtrace of this program.
+        Err(error) => {
+            eprintln!("Error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(command: Command) -> anyhow::Result<()> {
+    match command {
         Command::Test { install } => check::run(install),
         Command::Notices => notices::run(),
         Command::Serve { folder, port } => {
