@@ -25,14 +25,14 @@ export class Desk {
       if (!to.startsWith(desk.origin) && !/^(blob|data):/.test(to)) desk.wrong.push(`request to ${to}`);
     });
     await page.goto(url);
-    await page.waitForFunction(() => document.documentElement.dataset.shown, null, { timeout: 60_000 });
+    await page.waitForFunction(() => document.documentElement.dataset.shown, null, { timeout: 180_000 });
     return desk;
   }
 
   state() { return this.page.evaluate(() => JSON.parse(globalThis.calibState() || "null")); }
 
-  /** Waits until the page's state meets a condition. */
-  async until(what, wanted, seconds = 60) {
+  /** Waits until the page's state meets a condition. Limits of time are generous, because other checks run beside this one. */
+  async until(what, wanted, seconds = 180) {
     const end = Date.now() + 1000 * seconds;
     for (let state; ; await this.page.waitForTimeout(50)) {
       state = await this.state();
@@ -42,12 +42,12 @@ export class Desk {
   }
 
   /** Waits until all images are read and the site is stored. */
-  settled() { return this.until("settled", (state) => state.reading === 0 && !state.behind, 120); }
+  settled() { return this.until("settled", (state) => state.reading === 0 && !state.behind, 300); }
 
   /** Returns the centre of the widget whose name starts with `name`. */
   async place(name) {
     const handle = this.page.locator(`#mirror [data-at]`).and(this.page.locator(`[aria-label^="${name}"]`)).first();
-    const [x0, y0, x1, y1] = (await handle.getAttribute("data-at", { timeout: 15_000 })).split(" ").map(Number);
+    const [x0, y0, x1, y1] = (await handle.getAttribute("data-at", { timeout: 60_000 })).split(" ").map(Number);
     return [0.5 * (x0 + x1), 0.5 * (y0 + y1)];
   }
 
@@ -135,7 +135,7 @@ export class Desk {
 
   /** Saves the download started by a press or key, and returns its file name. */
   async download(act, to) {
-    const [download] = await Promise.all([this.page.waitForEvent("download", { timeout: 30_000 }), act()]);
+    const [download] = await Promise.all([this.page.waitForEvent("download", { timeout: 120_000 }), act()]);
     await download.saveAs(to);
     return download.suggestedFilename();
   }
