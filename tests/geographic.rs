@@ -1,12 +1,13 @@
-//! Control points in latitude and longitude: solved sites, the georeference that follows, and refusals.
+//! Control points in latitude and longitude or in a grid: solved sites, the georeference that follows, maps as
+//! plans, agreement with PROJ, and refusals.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
 use calib_core::WorldPoint;
 use calib_core::floor::{Geographic, TangentPlane};
 use calib_demo::random::normal;
-use calib_site::{Options, Site};
-use calib_tests::{Scratch, above};
+use calib_site::{CoordinateSystem, Options, Site};
+use calib_tests::{Scratch, above, peers_python, root};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
@@ -202,4 +203,267 @@ fn the_command_line_maps_to_latitude_and_longitude() {
     let found = TangentPlane::new(origin(), 90_f64.to_radians()).to_world(at);
     let expected = above(8.0).pixel_to_floor(calib_core::Pixel::new(960.0, 900.0), 0.0).unwrap();
     assert!((found.x - expected.x).hypot(found.y - expected.y) < 0.2, "{found:?}, expected {expected:?}");
+}
+
+/// Replaces latitude and longitude by coordinates of a grid.
+fn in_grid(mut document: Value, crs: &str) -> Value {
+    let system = CoordinateSystem::new(crs).unwrap();
+    document["crs"] = json!(crs);
+    for point in document["cameras"][0]["control_points"].as_array_mut().unwrap() {
+        let degrees = |name: &str| point[name].as_f64().unwrap().to_radians();
+        let at = Geographic { latitude: degrees("lat_deg"), longitude: degrees("lon_deg"), height: 0.0 };
+        point["crs_m"] = json!(system.from_geographic(at).unwrap());
+        let fields = point.as_object_mut().unwrap();
+        fields.remove("lat_deg");
+        fields.remove("lon_deg");
+    }
+    document
+}
+
+#[test]
+fn grid_coordinates_solve_as_degrees_do() {
+    let mut random = ChaCha8Rng::seed_from_u64(9);
+    let document = site(&mut random, 0.1, false);
+    let expected = camera_position(&Site::from_json(&document.to_string()).unwrap());
+    for crs in ["EPSG:25832", "EPSG:31468", "EPSG:3857"] {
+        let grid = in_grid(document.clone(), crs);
+        let found = camera_position(&Site::from_json(&grid.to_string()).unwrap());
+        let at = TangentPlane::new(expected, 0.0).to_world(found);
+        assert!(at.x.hypot(at.y).hypot(at.z) < 1e-3, "{crs}: {at:?}");
+    }
+}
+
+#[test]
+fn wrong_grids_are_named() {
+    let mut random = ChaCha8Rng::seed_from_u64(10);
+    let right = in_grid(site(&mut random, 0.1, false), "EPSG:25832");
+    let scratch = Scratch::new();
+    let refused = |change: &dyn Fn(&mut Value)| {
+        let mut document = right.clone();
+        change(&mut document);
+        scratch.write("site.json", document.to_string());
+        scratch.calib(&["solve", "site.json"]).expect_code(3).stderr
+    };
+    let message = refused(&|site| {
+        site.as_object_mut().unwrap().remove("crs");
+    });
+    assert!(message.contains("EPSG:25832"), "{message}");
+    let message = refused(&|site| site["crs"] = json!("EPSG:4326"));
+    assert!(message.contains("lat_deg"), "{message}");
+    let message = refused(&|site| site["crs"] = json!("utm 32"));
+    assert!(message.contains("EPSG"), "{message}");
+    let message = refused(&|site| {
+        let point = &mut site["cameras"][0]["control_points"][2]["crs_m"];
+        *point = json!([point[1], point[0]]);
+    });
+    assert!(message.contains("control_points/2"), "{message}");
+}
+
+/// Creates a site with a located camera, and geographic points on the floor without world coordinates. World +x
+/// points 30 degrees to the left of east.
+fn located_site(random: &mut ChaCha8Rng, sigma: f64) -> Value {
+    let mut document = site(random, 0.01, true);
+    let plane = TangentPlane::new(origin(), 60_f64.to_radians());
+    let camera = &mut document["cameras"][0];
+    let points = camera["control_points"].as_array_mut().unwrap();
+    for point in points.iter_mut() {
+        let fields = point.as_object_mut().unwrap();
+        for name in ["lat_deg", "lon_deg", "sigma_m"] {
+            fields.remove(name);
+        }
+        fields.insert("sigma_m".into(), json!(0.05));
+        for k in 0..3 {
+            let exact = fields["world_m"][k].as_f64().unwrap();
+            fields["world_m"][k] = json!(exact + 0.05 * normal(random));
+        }
+    }
+    let (sin, cos) = 30_f64.to_radians().sin_cos();
+    for (index, at) in [[2.0, 8.0], [14.0, 9.0], [4.0, 25.0], [12.0, 22.0]].into_iter().enumerate() {
+        let px = above(8.0).world_to_pixel(WorldPoint::new(at[0], at[1], 0.0)).unwrap();
+        let world = WorldPoint {
+            x: cos * at[0] + sin * at[1] + sigma * normal(random),
+            y: cos * at[1] - sin * at[0] + sigma * normal(random),
+            z: 0.0,
+        };
+        let Geographic { latitude, longitude, .. } = plane.to_geographic(world);
+        points.push(json!({"id": format!("g{index}"), "sigma_m": sigma,
+            "px": [px.u + 0.5 * normal(random), px.v + 0.5 * normal(random)],
+            "lat_deg": latitude.to_degrees(), "lon_deg": longitude.to_degrees()}));
+    }
+    document
+}
+
+#[test]
+fn solved_cameras_determine_the_georeference() {
+    const TRIALS: u32 = 60;
+    for sigma in [4.0, 0.3, 0.02] {
+        let mut random = ChaCha8Rng::seed_from_u64(11);
+        let (mut squares, mut outside) = ([0.0; 3], 0);
+        for _ in 0..TRIALS {
+            let site = Site::from_json(&located_site(&mut random, sigma).to_string()).unwrap();
+            let solved = site.calibrate(&Options::default()).write_into(&site);
+            let found = solved.solution.as_ref().unwrap().georeference.clone().unwrap();
+            let at = TangentPlane::new(origin(), 90_f64.to_radians()).to_world(Geographic {
+                latitude: found.lat_deg.to_radians(),
+                longitude: found.lon_deg.to_radians(),
+                height: 0.0,
+            });
+            let errors = [
+                at.x / found.sigma.east_m,
+                at.y / found.sigma.north_m,
+                (found.x_axis_azimuth_deg - 60.0) / found.sigma.azimuth_deg,
+            ];
+            outside += errors.iter().filter(|error| error.abs() > 1.96).count();
+            squares.iter_mut().zip(errors).for_each(|(sum, error)| *sum += error * error / f64::from(TRIALS));
+            // The result is no evidence: solving again gives the same.
+            let again = solved.calibrate(&Options::default()).write_into(&solved);
+            assert_eq!(again.solution.unwrap().georeference, Some(found));
+        }
+        // Bounds of the mean of 60 squares of normal variables, at four standard deviations.
+        assert!(squares.iter().all(|square| (0.27..1.73).contains(square)), "{sigma} m: {squares:?}");
+        assert!(outside <= 20, "{sigma} m: {outside} of 180 outside the 95 % interval");
+    }
+}
+
+/// Agreement with PROJ on random points of ten grids.
+#[test]
+fn grids_agree_with_proj() {
+    let Some(python) = peers_python() else { return };
+    // Code, and a region of the grid: latitudes and longitudes.
+    const GRIDS: [(&str, [f64; 4]); 10] = [
+        ("EPSG:25832", [47.0, 55.0, 6.0, 12.0]),
+        ("EPSG:32633", [0.5, 70.0, 12.0, 18.0]),
+        ("EPSG:32756", [-40.0, -20.0, 150.0, 156.0]),
+        ("EPSG:3857", [-60.0, 60.0, -170.0, 170.0]),
+        ("EPSG:2154", [42.0, 51.0, -4.0, 8.0]),
+        ("EPSG:2056", [45.9, 47.7, 6.0, 10.4]),
+        ("EPSG:3006", [55.5, 68.0, 11.5, 23.5]),
+        ("EPSG:2180", [49.2, 54.7, 14.3, 24.0]),
+        ("EPSG:2193", [-46.0, -35.0, 167.0, 178.0]),
+        ("EPSG:2263", [40.5, 41.2, -74.2, -72.0]),
+    ];
+    let mut random = ChaCha8Rng::seed_from_u64(12);
+    let mut cases = Vec::new();
+    for (crs, [south, north, west, east]) in GRIDS {
+        for _ in 0..100 {
+            let [lat, lon] = [random.random_range(south..north), random.random_range(west..east)];
+            cases.push((crs, lat, lon));
+        }
+    }
+    let output = std::process::Command::new(python)
+        .arg(root().join("tests/geographic_peers.py"))
+        .arg(json!(cases).to_string())
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let theirs: Vec<[f64; 2]> = serde_json::from_slice(&output.stdout).unwrap();
+    for ((crs, lat, lon), [east, north]) in cases.into_iter().zip(theirs) {
+        let system = CoordinateSystem::new(crs).unwrap();
+        let at = Geographic { latitude: lat.to_radians(), longitude: lon.to_radians(), height: 0.0 };
+        let ours = system.from_geographic(at).unwrap();
+        let error = (ours[0] - east).hypot(ours[1] - north) * system.metres_per_unit();
+        assert!(error < 1e-3, "{crs} at {lat}, {lon}: {error} m");
+    }
+}
+
+#[test]
+fn images_with_a_world_file_become_plans_on_the_map() {
+    let scratch = Scratch::new();
+    let image = image::RgbImage::from_pixel(400, 200, image::Rgb([90, 120, 150]));
+    let mut png = std::io::Cursor::new(Vec::new());
+    image.write_to(&mut png, image::ImageFormat::Png).unwrap();
+    scratch.write("ortho.png", png.into_inner());
+    // North up, 0.25 m a pixel; the numbers are those of pixel centres.
+    scratch.write("ortho.pgw", "0.25\n0\n0\n-0.25\n691000.125\n5334999.875\n");
+    scratch.write("site.json", r#"{"format": "calib-site", "version": 1}"#);
+    let without = scratch.calib(&["plan", "ortho.png"]).expect_code(0);
+    assert!(without.stderr.contains("--crs"), "{}", without.stderr);
+    let plan = ["plan", "ortho.png", "--site", "site.json", "-o", "mapped.json", "--force"];
+    scratch.calib(&[&plan[..], &["--crs", "EPSG:25832"]].concat()).expect_code(0);
+    scratch.write("ortho.prj", r#"PROJCS["x",GEOGCS["y"],AUTHORITY["EPSG","25832"]]"#);
+    scratch.calib(&plan).expect_code(0);
+    let site = Site::from_json(&scratch.read_json("mapped.json").to_string()).unwrap();
+    let plan = site.plan.clone().unwrap();
+    assert_eq!(plan.image.as_deref(), Some("ortho.png"));
+    // The scale factor of UTM is 1.000049 here.
+    let factor = 0.25 / plan.metres_per_px;
+    assert!((factor - 1.000_049).abs() < 2e-6, "{factor}");
+    let floor = plan.scale().floor_from_plan(calib_core::PlanPixel::new(300.0, 40.0));
+    let at = site.tangent_plane().unwrap().to_geographic(floor.at_height(0.0));
+    let [east, north] = CoordinateSystem::new("EPSG:25832").unwrap().from_geographic(at).unwrap();
+    assert!((east - 691_075.0).abs() < 0.01 && (north - 5_334_990.0).abs() < 0.01, "{east} {north}");
+    // A ground overlay of the same image.
+    scratch.write(
+        "yard.kml",
+        "<kml><GroundOverlay><Icon><href>ortho.png</href></Icon><LatLonBox><north>48.0005</north><south>48.0</south>\
+         <east>11.0014944</east><west>11.0</west></LatLonBox></GroundOverlay></kml>",
+    );
+    let found: Value =
+        serde_json::from_str(&scratch.calib(&["plan", "yard.kml", "--format", "json"]).expect_code(0).stdout)
+            .unwrap();
+    let scale = found["plan"]["metres_per_px"].as_f64().unwrap();
+    assert!((scale / 0.278 - 1.0).abs() < 0.01, "{scale}");
+}
+
+#[test]
+fn points_of_maps_are_imported_and_cameras_exported() {
+    let mut random = ChaCha8Rng::seed_from_u64(13);
+    let scratch = Scratch::new();
+    scratch.write("site.json", site(&mut random, 0.05, false).to_string());
+    scratch.calib(&["solve", "site.json", "-o", "solved.json"]).expect_code(0);
+    for (format, file) in [("kml", "site.kml"), ("gpx", "cameras.gpx"), ("geojson", "site.geojson")] {
+        scratch.calib(&["export", format, "solved.json", "-o", "out"]).expect_code(0);
+        let out = format!("{format}.json");
+        scratch.calib(&["import", format, &format!("out/{file}"), "-o", &out]).expect_code(0);
+        let imported = Site::from_json(&scratch.read_json(&out).to_string()).unwrap();
+        let point = &imported.ground_points[0];
+        let solved = Site::from_json(&scratch.read_json("solved.json").to_string()).unwrap();
+        let at = Geographic {
+            latitude: point.lat_deg.unwrap().to_radians(),
+            longitude: point.lon_deg.unwrap().to_radians(),
+            height: 0.0,
+        };
+        let position = solved.cameras[0].solution.as_ref().unwrap().position_m.unwrap();
+        let found = solved.tangent_plane().unwrap().to_world(at);
+        let error = (found.x - position.x).hypot(found.y - position.y);
+        assert!(error < 1e-3, "{format}: {error} m");
+    }
+    scratch.write("survey.csv", "Name;East;North;Sigma\nA;691608,25;5334760,5;0,02\n");
+    let table = ["import", "points", "survey.csv", "--into", "site.json", "-o", "more.json"];
+    scratch.calib(&table).expect_code(3);
+    scratch.calib(&[&table[..], &["--crs", "epsg:25832"]].concat()).expect_code(0);
+    let merged = Site::from_json(&scratch.read_json("more.json").to_string()).unwrap();
+    assert_eq!(merged.crs.as_deref(), Some("EPSG:25832"));
+    assert_eq!(merged.ground_points[0].crs_m, Some([691_608.25, 5_334_760.5]));
+}
+
+#[test]
+fn tables_have_grid_coordinates() {
+    let mut random = ChaCha8Rng::seed_from_u64(14);
+    let scratch = Scratch::new();
+    scratch.write("site.json", located_site(&mut random, 0.5).to_string());
+    scratch.calib(&["solve", "site.json", "-o", "solved.json"]).expect_code(0);
+    scratch.write("pixels.csv", "u,v\n960,900\n");
+    let project =
+        ["project", "solved.json", "--camera", "a", "--to", "floor", "--sigma-px", "1", "-i", "pixels.csv"];
+    let run = scratch.calib(&[&project[..], &["--geographic", "--crs", "EPSG:25832"]].concat());
+    let out = run.expect_code(0).stdout;
+    let lines: Vec<Vec<&str>> = out.lines().map(|line| line.split(',').collect()).collect();
+    let value = |name: &str| {
+        let column =
+            lines[0].iter().position(|head| *head == name).unwrap_or_else(|| panic!("{name} in {out}"));
+        lines[1][column].parse::<f64>().unwrap()
+    };
+    let at = Geographic {
+        latitude: value("lat_deg").to_radians(),
+        longitude: value("lon_deg").to_radians(),
+        height: 0.0,
+    };
+    let [east, north] = CoordinateSystem::new("EPSG:25832").unwrap().from_geographic(at).unwrap();
+    assert!((east - value("easting")).abs() < 1e-6 && (north - value("northing")).abs() < 1e-6);
+    // The errors of the georeference, from four points of 0.5 m, are in the part of the calibration.
+    let sigma = value("calibration_sigma_east_m");
+    assert!((0.15..1.0).contains(&sigma), "{sigma}");
+    let refused = scratch.calib(&[&project[..], &["--crs", "EPSG:4326"]].concat());
+    assert!(refused.expect_code(2).stderr.contains("latitude"), "a system without a grid");
 }

@@ -6,8 +6,8 @@
 use std::path::Path;
 
 use calib_editor::images::has_ending;
-use calib_plan::{DrawingFacts, ScaleSource, View};
-use calib_site::Plan;
+use calib_plan::{DrawingFacts, ImagePosition, MapSystem, ScaleSource, View};
+use calib_site::{CoordinateSystem, MapPosition, Plan, Site};
 use image::RgbImage;
 
 /// File name endings of drawings.
@@ -51,4 +51,28 @@ pub(crate) fn plan_from_drawing(drawing: &DrawingFacts) -> Option<(Plan, String)
         georeference: None,
     };
     Some((plan, source))
+}
+
+/// Returns the plan entry of a georeferenced image, and a note on the source of the scale. Returns no plan if the
+/// grid is unknown.
+pub(crate) fn plan_on_map(
+    site: &Site,
+    size: [u32; 2],
+    position: ImagePosition,
+) -> Result<Option<(Plan, String)>, String> {
+    let system = match position.system {
+        MapSystem::Degrees => None,
+        MapSystem::Projected(code) => {
+            let name = format!("EPSG:{code}");
+            let system = CoordinateSystem::new(&name);
+            Some(system.map_err(|error| format!("The image is in the grid {name}, expected {error}."))?)
+        }
+        MapSystem::Unknown => match site.coordinate_system() {
+            Some(system) => Some(system),
+            None => return Ok(None),
+        },
+    };
+    let position = MapPosition { transform: position.transform, system };
+    let plan = site.plan_on_map(None, size, &position).map_err(|error| error.to_string())?;
+    Ok(Some((plan, "Scale and georeference read from the GeoTIFF.".into())))
 }

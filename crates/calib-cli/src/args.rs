@@ -3,6 +3,7 @@
 
 use std::path::Path;
 
+use calib_site::CoordinateSystem;
 use clap::ValueEnum;
 use image::RgbImage;
 
@@ -18,6 +19,11 @@ pub(crate) fn size(text: &str) -> Result<[u32; 2], String> {
     let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_STREAM_SIDE_PX).contains(side));
     let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some([side(w)?, side(h)?]));
     sides.ok_or_else(|| format!("expected WIDTHxHEIGHT, such as 1280x720, up to {MAX_STREAM_SIDE_PX}"))
+}
+
+/// Parses the name of a projected grid.
+pub(crate) fn grid(name: &str) -> Result<CoordinateSystem, String> {
+    CoordinateSystem::new(name).map_err(|error| format!("expected {error}"))
 }
 
 /// Arguments for the site that a command reads.

@@ -5,8 +5,9 @@ use std::path::Path;
 
 use calib_formats::{File, Format, MAX_BYTES, MAX_FILES};
 use calib_report::shortened_list;
-use calib_site::{Plan, Site, SiteCamera};
+use calib_site::{GroundPoint, Plan, Site, SiteCamera};
 
+use crate::args::grid;
 use crate::export::{format_named, formats};
 use crate::files;
 use crate::files::print_message;
@@ -45,9 +46,33 @@ pub(crate) fn merge(file: SiteFile, imported: Site, replaces: bool) -> Result<Si
             format!("already has {}; add --replace to replace lens and pose, or the plan", list(&existing));
         return Err(CommandError::invalid(path, what));
     }
+    merge_ground_points(&mut site, imported.ground_points, imported.crs, &path)?;
     site.check().map_err(|error| CommandError::invalid(&path, format!("after the merge: {error}")))?;
     report_merge(&path, &added, &existing);
     Ok(site)
+}
+
+/// Adds the ground points, and replaces those of the same id.
+fn merge_ground_points(
+    site: &mut Site,
+    points: Vec<GroundPoint>,
+    crs: Option<String>,
+    path: &str,
+) -> Result<(), CommandError> {
+    if let (Some(known), Some(new)) = (&site.crs, &crs)
+        && !known.eq_ignore_ascii_case(new)
+    {
+        let what = format!("the site has the grid {known}; --crs {new} is another one");
+        return Err(CommandError::invalid(path, what));
+    }
+    site.crs = site.crs.take().or(crs);
+    for point in points {
+        match site.ground_points.iter_mut().find(|known| known.id == point.id) {
+            Some(known) => *known = point,
+            None => site.ground_points.push(point),
+        }
+    }
+    Ok(())
 }
 
 fn list(names: &[String]) -> String {
@@ -118,12 +143,20 @@ pub(crate) struct Args {
     /// With --into: replace the existing lens and pose, or the plan
     #[arg(long, requires = "into")]
     replace: bool,
+    /// Projected grid of imported points with east and north
+    #[arg(long, value_name = "EPSG:CODE", value_parser = grid_name)]
+    crs: Option<String>,
     /// Site file to write; - is stdout
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     output: String,
     /// Overwrite the output file
     #[arg(long)]
     force: bool,
+}
+
+/// Checks the name of a projected grid, and returns it in upper case.
+fn grid_name(name: &str) -> Result<String, String> {
+    grid(name).map(|_| name.to_uppercase())
 }
 
 /// Imports a file or folder and writes the site.
@@ -139,14 +172,17 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
         found.push(read(path, name)?);
         add_companions(path, format, &mut found)?;
     }
-    let imported =
+    let mut imported =
         calib_formats::import(format, &found).map_err(|error| CommandError::Invalid(error.to_string()))?;
+    imported.site.crs.clone_from(&args.crs);
     for note in &imported.notes {
         print_message(note);
     }
     let site = match &args.into {
         None => {
             print_message("to merge this into a site, add --into SITE");
+            let checked = imported.site.check();
+            checked.map_err(|error| CommandError::invalid(&args.file, error))?;
             imported.site
         }
         Some(into) => {

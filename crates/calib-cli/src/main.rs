@@ -44,6 +44,7 @@ mod coverage;
 mod measure;
 mod windows;
 mod undistort;
+mod map_position;
 mod plan;
 #[cfg(feature = "stills")]
 mod snapshot;

@@ -6,10 +6,12 @@ use std::path::Path;
 use calib_core::PlanPixel;
 use calib_plan::{Drawing, DrawingFacts, DrawingKind, ScaleSource, View};
 use calib_report::shortened_list;
-use calib_site::{MAX_BYTES, Plan};
+use calib_site::{CoordinateSystem, MapPosition, Plan, Site};
 use serde_json::{Value, json};
 
+use crate::args::grid;
 use crate::files::{self, print_message};
+use crate::map_position::PlanFile;
 use crate::picture;
 use crate::site_file::{SiteFile, path_relative_to_file};
 use crate::solve::Format;
@@ -18,7 +20,7 @@ use crate::stop::{CommandError, escape_control_characters};
 /// Arguments of `calib plan`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Floor plan: PDF, DXF, SVG, or an image (such as PNG or TIFF)
+    /// Floor plan: PDF, DXF, SVG, an image (such as PNG or TIFF, also with a world file), or a ground overlay (KML)
     file: String,
     /// Page of a PDF, from 1
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
@@ -35,6 +37,9 @@ pub(crate) struct Args {
     /// Size of a pixel in metres, for plans that state no scale
     #[arg(long, value_name = "M", value_parser = pixel_size, conflicts_with_all = ["scale", "unit"])]
     metres_per_px: Option<f64>,
+    /// Grid of a GeoTIFF or world file that does not state it, such as EPSG:25832
+    #[arg(long, value_name = "EPSG:CODE", value_parser = grid)]
+    crs: Option<CoordinateSystem>,
     /// Site that gets this plan; the positions of its cameras stay
     #[arg(long, value_name = "SITE", requires = "output")]
     site: Option<String>,
@@ -83,6 +88,8 @@ struct ReadPlan {
     image: Option<image::RgbImage>,
     /// Size of a pixel in metres, and the source of this scale.
     scale: Option<(f64, String)>,
+    /// Position on the map.
+    position: Option<MapPosition>,
 }
 
 /// Reads the plan. Prints its properties, or writes its picture or a site.
@@ -90,13 +97,15 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if let Some(output) = &args.output {
         files::check_free(output, args.force)?;
     }
-    let path = Path::new(&args.file);
-    let bytes = calib_input::read(path, MAX_BYTES as u64)
-        .map_err(|error| CommandError::invalid(path.display(), error))?;
+    let file = PlanFile::read(&args.file)?;
+    let path = file.path.as_path();
     let layers = (!args.layers.is_empty()).then(|| args.layers.clone());
-    let read = read_plan(&bytes, args, &View { page: args.page, layers: layers.clone() })?;
-    if let Some(site) = &args.site {
-        return write_site(args, site, &read, layers);
+    let site = args.site.as_ref().map(|site| SiteFile::read(site)).transpose()?;
+    let of_site = || site.as_ref()?.site.coordinate_system();
+    let crs = args.crs.clone().or_else(of_site);
+    let read = read_plan(&file, args, &View { page: args.page, layers: layers.clone() }, crs.as_ref())?;
+    if let Some((site, name)) = site.zip(args.site.as_ref()) {
+        return write_site(args, (site, name, path), &read, layers);
     }
     if let Some(output) = &args.output {
         let invalid = |error| CommandError::invalid(path.display(), error);
@@ -109,12 +118,18 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     }
     let format = Format::given_or_usual(args.format);
     files::print(&match format {
-        Format::Json => format!("{}\n", as_json(args, &read, layers)),
-        Format::Text => escape_control_characters(&as_text(args, &read)).into_owned(),
+        Format::Json => format!("{}\n", as_json(args, path, &read, layers)?),
+        Format::Text => escape_control_characters(&as_text(args, &read)?).into_owned(),
     })
 }
 
-fn read_plan(bytes: &[u8], args: &Args, view: &View) -> Result<ReadPlan, CommandError> {
+fn read_plan(
+    file: &PlanFile,
+    args: &Args,
+    view: &View,
+    crs: Option<&CoordinateSystem>,
+) -> Result<ReadPlan, CommandError> {
+    let bytes = &file.bytes;
     let invalid = |error: String| CommandError::invalid(&args.file, error);
     let given = args.metres_per_px.map(|size| (size, "from --metres-per-px".to_owned()));
     let drawing = calib_plan::read(bytes, view).transpose().map_err(|error| invalid(error.to_string()))?;
@@ -132,7 +147,8 @@ fn read_plan(bytes: &[u8], args: &Args, view: &View) -> Result<ReadPlan, Command
     let Some(drawing) = drawing else {
         let image = calib_input::decode(bytes).map_err(|error| invalid(error.to_string()))?;
         let size = image.dimensions().into();
-        return Ok(ReadPlan { drawing: None, size, image: Some(image), scale: given });
+        let position = file.position(size, crs)?.filter(|_| given.is_none());
+        return Ok(ReadPlan { drawing: None, size, image: Some(image), scale: given, position });
     };
     let facts = &drawing.facts;
     if let Some(unknown) = args.layers.iter().find(|name| !facts.has_layer(name)) {
@@ -157,7 +173,7 @@ fn read_plan(bytes: &[u8], args: &Args, view: &View) -> Result<ReadPlan, Command
         Some((facts.metres_per_px?, source))
     };
     let scale = given.or(by_option).or_else(own);
-    Ok(ReadPlan { size: facts.size, scale, drawing: Some(drawing), image: None })
+    Ok(ReadPlan { size: facts.size, scale, drawing: Some(drawing), image: None, position: None })
 }
 
 /// Returns the plan entry of a site.
@@ -181,21 +197,39 @@ fn entry(
     }
 }
 
+/// Source of the scale of a georeferenced image.
+const MAP_SCALE: &str = "from its position on the map";
+
+/// Returns the plan entry of a georeferenced image.
+fn on_map(
+    site: &Site,
+    image: String,
+    read: &ReadPlan,
+    position: &MapPosition,
+    args: &Args,
+) -> Result<Plan, CommandError> {
+    site.plan_on_map(Some(image), read.size, position)
+        .map_err(|error| CommandError::invalid(&args.file, error))
+}
+
 /// Writes the site with this plan.
 fn write_site(
     args: &Args,
-    site: &str,
+    (file, site, path): (SiteFile, &str, &Path),
     read: &ReadPlan,
     layers: Option<Vec<String>>,
 ) -> Result<(), CommandError> {
-    let Some((metres_per_px, source)) = &read.scale else {
-        return Err(CommandError::Usage(unknown_scale(read)));
-    };
     let output = args.output.as_deref().unwrap_or("-");
-    let file = SiteFile::read(site)?.relative_to(output);
+    let file = file.relative_to(output);
     // On stdout, all paths stay relative to the folder of the site.
-    let image = path_relative_to_file(Path::new(&args.file), if output == "-" { site } else { output });
-    let plan = entry(image, read, args, layers, *metres_per_px);
+    let image = path_relative_to_file(path, if output == "-" { site } else { output });
+    let (plan, source) = match (&read.position, &read.scale) {
+        (Some(position), _) => (on_map(&file.site, image, read, position, args)?, MAP_SCALE),
+        (None, Some((metres_per_px, source))) => {
+            (entry(image, read, args, layers, *metres_per_px), source.as_str())
+        }
+        (None, None) => return Err(CommandError::Usage(unknown_scale(read))),
+    };
     print_message(format_args!(
         "calib: {} m a pixel ({source}); world (0, 0) is at plan pixel {}, {}; cameras and control points keep their \
          positions in metres",
@@ -223,7 +257,12 @@ fn unknown_scale(read: &ReadPlan) -> String {
     }
 }
 
-fn as_json(args: &Args, read: &ReadPlan, layers: Option<Vec<String>>) -> Value {
+fn as_json(
+    args: &Args,
+    path: &Path,
+    read: &ReadPlan,
+    layers: Option<Vec<String>>,
+) -> Result<Value, CommandError> {
     let drawing = read.drawing.as_ref();
     let kind = drawing.map_or("image", |drawing| name(drawing.facts.kind));
     let shown: Vec<Value> = drawing.map_or_else(Vec::new, |drawing| {
@@ -232,18 +271,25 @@ fn as_json(args: &Args, read: &ReadPlan, layers: Option<Vec<String>>) -> Value {
         };
         drawing.facts.layers.iter().map(layer).collect()
     });
-    let plan = read.scale.as_ref().map(|(scale, _)| entry(args.file.clone(), read, args, layers, *scale));
-    json!({
+    let image = path.to_string_lossy().into_owned();
+    let (plan, source) = match (&read.position, &read.scale) {
+        (Some(position), _) => (Some(on_map(&Site::new(), image, read, position, args)?), Some(MAP_SCALE)),
+        (None, Some((scale, source))) => {
+            (Some(entry(image, read, args, layers, *scale)), Some(source.as_str()))
+        }
+        (None, None) => (None, None),
+    };
+    Ok(json!({
         "kind": kind,
         "size_px": read.size,
         "pages": drawing.map_or(1, |drawing| drawing.facts.pages),
         "layers": shown,
-        "metres_per_px": read.scale.as_ref().map(|(scale, _)| scale),
-        "scale_source": read.scale.as_ref().map(|(_, source)| source),
+        "metres_per_px": plan.as_ref().map(|plan| plan.metres_per_px),
+        "scale_source": source,
         "scales_in_text": drawing.map_or_else(Vec::new, |drawing| drawing.facts.scales_in_text.clone()),
         "notes": drawing.map_or_else(Vec::new, |drawing| drawing.facts.notes.clone()),
         "plan": plan,
-    })
+    }))
 }
 
 fn name(kind: DrawingKind) -> &'static str {
@@ -255,11 +301,23 @@ fn name(kind: DrawingKind) -> &'static str {
     }
 }
 
-fn as_text(args: &Args, read: &ReadPlan) -> String {
+fn as_text(args: &Args, read: &ReadPlan) -> Result<String, CommandError> {
     let [width, height] = read.size;
     let kind = read.drawing.as_ref().map_or("image", |drawing| name(drawing.facts.kind));
     let mut text = format!("{}: {kind}, {width} x {height} pixels\n", args.file);
-    match &read.scale {
+    let on_map = match &read.position {
+        Some(position) => Some(on_map(&Site::new(), String::new(), read, position, args)?),
+        None => None,
+    };
+    let of_map = on_map.as_ref().map(|plan| (plan.metres_per_px, MAP_SCALE.to_owned()));
+    if let Some(corner) = on_map.as_ref().and_then(|plan| plan.georeference.as_ref()) {
+        let _ = writeln!(
+            text,
+            "Position: lower left corner at {:.7}, {:.7}; right is at {:.2} degrees clockwise from north",
+            corner.lat_deg, corner.lon_deg, corner.x_axis_azimuth_deg
+        );
+    }
+    match of_map.as_ref().or(read.scale.as_ref()) {
         Some((scale, source)) => {
             let [w, h] = read.size.map(|side| f64::from(side) * scale);
             let _ = writeln!(text, "Scale: {scale} m a pixel ({source}); the plan shows {w:.2} m x {h:.2} m");
@@ -281,5 +339,5 @@ fn as_text(args: &Args, read: &ReadPlan) -> String {
             }
         }
     }
-    text
+    Ok(text)
 }

@@ -14,6 +14,7 @@ use arrow_array::{
 };
 use arrow_schema::{Field, Schema};
 use calib_core::floor::Stream;
+use calib_site::CoordinateSystem;
 use calib_table::{
     AtColumn, AtUnit, BadCells, BadRows, Boxes, CalibrationRequest, Calibrations, CameraSource, Columns,
     Mapping, Rows, TableBoxForm, To, Wording,
@@ -23,7 +24,7 @@ use parquet::arrow::ArrowWriter;
 use serde_json::{Map, Value};
 
 use crate::archive::{FORMATS, Format, Input, Output, OutputOptions, ReadOptions, Sink, Source};
-use crate::args::{Fit, PixelOrigin, SiteArgs, size};
+use crate::args::{Fit, PixelOrigin, SiteArgs, grid, size};
 use crate::files;
 use crate::progress::Progress;
 use crate::stop::CommandError;
@@ -133,6 +134,10 @@ pub(crate) struct Args {
     /// also standard deviations toward east and north
     #[arg(long)]
     geographic: bool,
+    /// Add `easting,northing` of every floor point in a projected grid, in the unit of the grid, such as
+    /// EPSG:25832; needs a georeference of the site. With --sigma-px also standard deviations toward east and north
+    #[arg(long, value_name = "EPSG:CODE", value_parser = grid)]
+    crs: Option<CoordinateSystem>,
     /// Rows with a cell that is not a number or not a time
     #[arg(long, value_enum, default_value_t = BadRows::Fail)]
     bad_rows: BadRows,
@@ -221,6 +226,9 @@ fn check(args: &Args) -> Result<(), CommandError> {
     if args.to == To::Pixel && args.geographic {
         return refused("--geographic requires --to floor");
     }
+    if args.to == To::Pixel && args.crs.is_some() {
+        return refused("--crs requires --to floor");
+    }
     if args.to == To::Pixel && args.sigma_px.is_some() {
         return refused("--sigma-px requires --to floor");
     }
@@ -256,6 +264,7 @@ fn mapping(args: &Args) -> Mapping {
         height: args.height_m,
         sigma: args.sigma_px,
         is_geographic: args.geographic,
+        grid: args.crs.clone(),
         replaces: args.replace,
         bad: BadCells::new(args.bad_rows, Wording::Flags),
     }

@@ -247,11 +247,13 @@ pub(crate) fn site(lens: KnownLens, tremor: f64) -> Site {
         links,
         marks: marks(),
         georeference: None,
+        crs: None,
         scene: None,
         planes: Vec::new(),
         walls: Vec::new(),
         areas: Vec::new(),
         measurements: Vec::new(),
+        ground_points: Vec::new(),
         solution: None,
     }
 }

@@ -8,7 +8,7 @@ use calib_core::{Annotation, ImageCircle, MarkKind, Placement};
 use calib_core::single::Known;
 
 use calib_image::AutomaticCalibration;
-use calib_site::{ControlPointEntry, Distance, LensEntry, Link, Mark, Plan, Site};
+use calib_site::{ControlPointEntry, Distance, GroundPoint, LensEntry, Link, Mark, Plan, Site};
 use image::RgbImage;
 
 use crate::command::{Cameras, Gesture, Lines, Nudge, Proposing, Selection};
@@ -217,6 +217,12 @@ pub enum Action {
         /// Name of the undo step, as shown after "Undo".
         name: String,
     },
+    /// Chooses the ground point that the next click in an image marks, and the tool for it; `None` for no point.
+    ChooseGroundPoint(Option<String>),
+    /// Adds or changes a ground point, and chooses it.
+    SetGroundPoint(Box<GroundPoint>),
+    /// Removes the ground point with this id. Its control points stay.
+    RemoveGroundPoint(String),
     /// Changes the control point with this index in the selected camera.
     SetControl(usize, Box<ControlPointEntry>),
     /// Changes the link with this index.

@@ -42,6 +42,12 @@ pub fn differences(from: &Site, to: &Site) -> Vec<String> {
             to.measurements.len(),
             from.measurements != to.measurements,
         ),
+        (
+            "ground points",
+            from.ground_points.len(),
+            to.ground_points.len(),
+            from.ground_points != to.ground_points,
+        ),
     ];
     differences.extend(
         counted.into_iter().filter(|(.., differ)| *differ).map(|(what, a, b, _)| count_text(what, a, b)),

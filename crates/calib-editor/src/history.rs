@@ -55,11 +55,13 @@ fn restore_rest(site: &mut Site, known: &Site) {
         marks,
         distances,
         georeference,
+        crs,
         scene,
         planes,
         walls,
         areas,
         measurements,
+        ground_points,
         solution,
     } = known;
     (site.format, site.version) = (*format, *version);
@@ -70,11 +72,13 @@ fn restore_rest(site: &mut Site, known: &Site) {
     restore_value(&mut site.marks, marks);
     restore_value(&mut site.distances, distances);
     restore_value(&mut site.georeference, georeference);
+    restore_value(&mut site.crs, crs);
     restore_value(&mut site.scene, scene);
     restore_value(&mut site.planes, planes);
     restore_value(&mut site.walls, walls);
     restore_value(&mut site.areas, areas);
     restore_value(&mut site.measurements, measurements);
+    restore_value(&mut site.ground_points, ground_points);
     restore_value(&mut site.solution, solution);
 }
 
@@ -96,11 +100,13 @@ fn is_same_rest(a: &Site, b: &Site) -> bool {
         && a.marks == b.marks
         && a.distances == b.distances
         && a.georeference == b.georeference
+        && a.crs == b.crs
         && a.scene == b.scene
         && a.planes == b.planes
         && a.walls == b.walls
         && a.areas == b.areas
         && a.measurements == b.measurements
+        && a.ground_points == b.ground_points
         && a.solution == b.solution
 }
 
@@ -117,11 +123,13 @@ fn without_cameras(site: &Site) -> Site {
         marks: site.marks.clone(),
         distances: site.distances.clone(),
         georeference: site.georeference.clone(),
+        crs: site.crs.clone(),
         scene: site.scene,
         planes: site.planes.clone(),
         walls: site.walls.clone(),
         areas: site.areas.clone(),
         measurements: site.measurements.clone(),
+        ground_points: site.ground_points.clone(),
         solution: site.solution.clone(),
     }
 }

@@ -205,8 +205,26 @@ fn lens_owner(camera: &SiteCamera) -> &str {
 
 /// Whether two links have equal inputs.
 fn has_same_link_inputs(a: &Link, b: &Link) -> bool {
-    let Link { id, name: _, off, keep, kind, height_m, plane, length_m, seen, solution: _ } = a;
+    let Link {
+        id,
+        name: _,
+        off,
+        keep,
+        kind,
+        height_m,
+        plane,
+        length_m,
+        lat_deg,
+        lon_deg,
+        crs_m,
+        alt_m,
+        sigma_m,
+        seen,
+        solution: _,
+    } = a;
     *id == b.id
+        && (*lat_deg, *lon_deg, *crs_m, *alt_m, *sigma_m)
+            == (b.lat_deg, b.lon_deg, b.crs_m, b.alt_m, b.sigma_m)
         && (*off, *keep, *kind, *height_m) == (b.off, b.keep, b.kind, b.height_m)
         && (*length_m, plane) == (b.length_m, &b.plane)
         && *seen == b.seen

@@ -8,7 +8,9 @@ use std::sync::Arc;
 
 use calib_core::outcome::SuggestedAnnotation;
 use calib_core::{Camera, MarkKind, Pixel, PlanPixel, Plane, WorldPoint};
-use calib_site::{Method, Names, PlacementEntry, Site, SiteCamera, Solution, Warning};
+use calib_site::{
+    Georeference, GeoreferenceSolution, Method, Names, PlacementEntry, Site, SiteCamera, Solution, Warning,
+};
 
 use crate::history::History;
 use crate::hit::Part;
@@ -38,6 +40,8 @@ pub struct ToolSettings {
     pub pivot: Option<[f64; 2]>,
     /// Whether dragging on the plan snaps to round numbers.
     pub snap: bool,
+    /// Id of the ground point that the next click with the control point tool marks in an image.
+    pub ground_point: Option<String>,
 }
 
 /// Lines that the operator has not decided about: suggestions and automatic calibrations.
@@ -111,6 +115,14 @@ pub struct Session {
 }
 
 impl Session {
+    /// Returns the georeference of the site: entered, from its points, or from the last joint solve.
+    #[must_use]
+    pub fn georeference(&self) -> Option<Georeference> {
+        let solved =
+            || self.solved.joint_report()?.site.georeference.as_ref().map(GeoreferenceSolution::as_entered);
+        self.site.georeference().or_else(solved)
+    }
+
     /// Creates a session for a site with its images; `path` is the file of the site, if it has one.
     #[must_use]
     pub fn new(mut site: Site, images: Images, path: Option<PathBuf>) -> Self {
@@ -133,6 +145,7 @@ impl Session {
                 measured: None,
                 pivot: None,
                 snap: false,
+                ground_point: None,
             },
             pending: PendingLines { dismissed: Vec::new(), proposed: Arc::default(), picked_line: None },
             revision: Revision { generation: 0, saved: 0 },

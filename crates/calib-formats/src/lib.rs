@@ -17,7 +17,7 @@
 //! - `view`, `export`, `planes`: the input of an export, and its losses and notes.
 //! - `given`: cameras of an import, and their conversion to a site.
 //! - `remap`: the undistortion map of `--rectified`.
-//! - One file for each format, from `opencv` to `worldfile`.
+//! - One file for each format, from `opencv` to `worldfile`. `ground_points` has GPX, KML and tables of points.
 //! - `registry`: [`FORMATS`], the list of all formats.
 
 mod file;
@@ -38,6 +38,7 @@ mod wildtrack;
 mod table;
 mod sql;
 mod geojson;
+mod ground_points;
 mod svg;
 mod frigate;
 mod nvdsanalytics;

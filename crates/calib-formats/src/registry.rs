@@ -8,8 +8,8 @@ use crate::file::FormatError;
 use crate::given::Imported;
 use crate::planes::PlaneTreatment;
 use crate::{
-    blender, caliscope, colmap, frigate, fspy, geojson, kalibr, nerfstudio, nvdsanalytics, nvidia, ocamcalib,
-    opencv, ros, scenescape, sql, svg, table, wildtrack, worldfile,
+    blender, caliscope, colmap, frigate, fspy, geojson, ground_points, kalibr, nerfstudio, nvdsanalytics,
+    nvidia, ocamcalib, opencv, ros, scenescape, sql, svg, table, wildtrack, worldfile,
 };
 
 type Write = fn(&Scene, &mut Export);
@@ -250,14 +250,55 @@ pub const FORMATS: &[Format] = &[
     },
     Format {
         name: "geojson",
-        about: "GeoJSON of EFOVs, cameras and planes; *.local.geojson in metres without a georeference",
+        about: "GeoJSON of EFOVs, cameras and planes; *.local.geojson in metres without a georeference; imports points",
         extensions: &["geojson"],
-        contains: "position, heading, EFOV, planes other than the floor",
-        lacks: "lens, orientation, standard deviations",
+        contains: "position and heading (on the map with standard deviations), EFOV, planes other than the floor",
+        lacks: "lens, orientation",
         planes: PlaneTreatment::Written,
         write: Some(geojson::write),
+        read: Some(ground_points::read_geojson),
         units: "degrees of WGS84, or m; degrees",
         axes: "longitude, latitude, or floor x, y; azimuth_deg clockwise from north, heading_deg counter-clockwise from +x",
+        ignored_by_import: "lines, polygons, altitudes",
+        ..Format::PLAIN
+    },
+    Format {
+        name: "kml",
+        about: "KML of cameras and EFOVs for maps; imports points",
+        extensions: &["kml"],
+        contains: "position, heading, EFOV",
+        lacks: "lens, orientation, standard deviations, planes other than the floor",
+        write: Some(ground_points::write_kml),
+        read: Some(ground_points::read_kml),
+        units: "degrees of WGS84; m",
+        axes: "longitude, latitude; azimuth clockwise from north",
+        ignored_by_import: "lines, polygons, images, altitudes",
+        ..Format::PLAIN
+    },
+    Format {
+        name: "gpx",
+        about: "GPX of cameras for navigation; imports waypoints",
+        extensions: &["gpx"],
+        contains: "position, heading",
+        lacks: "lens, orientation, EFOV, standard deviations, planes other than the floor",
+        write: Some(ground_points::write_gpx),
+        read: Some(ground_points::read_gpx),
+        units: "degrees of WGS84; m",
+        axes: "latitude, longitude; azimuth clockwise from north",
+        ignored_by_import: "tracks, routes, altitudes",
+        ..Format::PLAIN
+    },
+    Format {
+        name: "points",
+        about: "table of surveyed points: name, and lat_deg, lon_deg or easting, northing or x_m, y_m",
+        extensions: &["csv", "tsv", "txt"],
+        contains: "points",
+        lacks: "cameras",
+        has_positions: false,
+        read: Some(ground_points::read_table),
+        units: "degrees of WGS84, or the unit of the grid; m",
+        axes: "latitude, longitude, or east, north, or floor x, y",
+        ignored_by_import: "other columns",
         ..Format::PLAIN
     },
     Format {

@@ -71,14 +71,22 @@ impl Syntax {
                     serde_json::to_value(table)
                         .map_err(|error| at(Problem::Unrepresentable { why: error.to_string() }))
                 }),
-            Self::Xml => {
-                let options = roxmltree::ParsingOptions { nodes_limit: MAX_NODES, ..Default::default() };
-                let document = roxmltree::Document::parse_with_options(text, options)
-                    .map_err(|error| wrong("XML", error.to_string()))?;
-                from_xml(document.root_element(), 0).ok_or_else(|| at(Problem::DeepElements))
-            }
+            Self::Xml => from_xml(xml(file)?.root_element(), 0).ok_or_else(|| at(Problem::DeepElements)),
         }
     }
+}
+
+/// Parses an XML text of limited size.
+pub(crate) fn xml(file: &File) -> Result<roxmltree::Document<'_>, FormatError> {
+    let text = file.as_text()?;
+    if text.len() > MAX_TREE_BYTES {
+        let (found, most) = (format!("{} bytes", text.len()), format!("at most {MAX_TREE_BYTES}"));
+        return Err(FormatError::expected(&file.name, found, most));
+    }
+    let options = roxmltree::ParsingOptions { nodes_limit: MAX_NODES, ..Default::default() };
+    roxmltree::Document::parse_with_options(text, options).map_err(|error| {
+        FormatError::new(&file.name, Problem::Syntax { syntax: "XML", why: error.to_string() })
+    })
 }
 
 fn first_line(text: &str) -> &str {

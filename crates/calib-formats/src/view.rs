@@ -7,7 +7,7 @@ use calib_core::{
     WorldPoint,
 };
 
-use calib_site::{Site, SiteCamera};
+use calib_site::{Georeference, Site, SiteCamera};
 
 use crate::file::file_name;
 
@@ -86,6 +86,11 @@ pub(crate) enum Terms {
 }
 
 impl View {
+    /// Returns the viewing direction, in degrees clockwise from north.
+    pub(crate) fn azimuth_deg(&self, earth: &Georeference) -> f64 {
+        (earth.x_axis_azimuth_deg - 90.0 - self.camera.yaw.to_degrees()).rem_euclid(360.0)
+    }
+
     pub(crate) fn new(site: &Site, entry: &SiteCamera, options: &ExportOptions) -> Option<Self> {
         let calibrated = with_square_pixels(entry.camera()?);
         let aspect = entry.camera()?.lens.pixel_aspect;

@@ -20,6 +20,7 @@
 //! - `drawing`: result of reading, and recognition of file types;
 //! - `pdf`: pages of PDF documents, as SVG;
 //! - `dxf`: lines, texts and layers of DXF drawings, as SVG;
+//! - `map_position`: position of a georeferenced image on the map;
 //! - `read`: reading of a drawing of any type.
 
 // A module uses only the modules above it.
@@ -36,10 +37,12 @@ mod drawing;
 #[cfg(feature = "pdf")]
 mod pdf;
 mod dxf;
+mod map_position;
 mod read;
 
 pub use drawing::{Drawing, DrawingFacts, DrawingKind, Layer, Picture, ScaleSource, View};
 pub use error::PlanError;
+pub use map_position::{ImagePosition, KmlOverlay, MapSystem, system_of_wkt};
 pub use read::read;
 #[cfg(feature = "raster")]
 pub use svg::rasterise;

@@ -5,6 +5,7 @@ use std::ffi::CString;
 
 use arrow_array::{RecordBatch, RecordBatchReader};
 use calib_core::floor::Stream;
+use calib_site::CoordinateSystem;
 use calib_table::{
     AtColumn, AtUnit, BadCells, BadRows, Boxes, CalibrationRequest, Calibrations, CameraSource, Columns,
     Mapping, RowName, Rows, TableBoxForm, TableError, To, Wording,
@@ -34,12 +35,13 @@ struct TableOptions {
     height: f64,
     sigma: Option<f64>,
     is_geographic: bool,
+    grid: Option<CoordinateSystem>,
     replaces: bool,
     bad_rows: BadRows,
     stream: Stream,
 }
 
-const OPTIONS: &str = "camera, camera_column, at, at_column, at_unit, to, columns, box_form, height, sigma_px, geographic, \
+const OPTIONS: &str = "camera, camera_column, at, at_column, at_unit, to, columns, box_form, height, sigma_px, geographic, crs, \
      replace, bad_rows";
 
 const TO: [(&str, To); 2] = [("floor", To::Floor), ("pixel", To::Pixel)];
@@ -91,6 +93,11 @@ impl TableOptions {
                 "height" => asked.height = real(Some(&value), "height", 0.0)?,
                 "sigma_px" => asked.sigma = Some(real(Some(&value), "sigma_px", 1.0)?),
                 "geographic" => asked.is_geographic = value.extract()?,
+                "crs" => {
+                    let grid = |name: &str| CoordinateSystem::new(name).ok();
+                    asked.grid =
+                        Some(choice(&value, "crs", grid, "the EPSG code of a grid, such as \"EPSG:25832\"")?);
+                }
                 "replace" => asked.replaces = value.extract()?,
                 "bad_rows" => {
                     asked.bad_rows = choice(
@@ -126,6 +133,7 @@ impl TableOptions {
             height: 0.0,
             sigma: None,
             is_geographic: false,
+            grid: None,
             replaces: false,
             bad_rows: BadRows::Fail,
             stream: Stream {
@@ -160,6 +168,9 @@ impl TableOptions {
         }
         if self.to == To::Pixel && self.is_geographic {
             return Err(value_error(py, None, "geographic", "requires to=\"floor\""));
+        }
+        if self.to == To::Pixel && self.grid.is_some() {
+            return Err(value_error(py, None, "crs", "requires to=\"floor\""));
         }
         Ok(())
     }
@@ -201,6 +212,7 @@ impl TableOptions {
             height: self.height,
             sigma: self.sigma,
             is_geographic: self.is_geographic,
+            grid: self.grid.clone(),
             replaces: self.replaces,
             bad: BadCells::new(self.bad_rows, Wording::Keywords),
         }
@@ -242,15 +254,15 @@ impl Site {
     /// stream); by default from the names of the columns. height: height of the plane above the floor, in
     /// metres. sigma_px: standard deviation of a detection, in pixels of the stream. geographic: whether to add
     /// lat_deg and lon_deg, for a site with a georeference; with sigma_px also sigma_east_m and so on, in metres.
-    /// replace: whether to
-    /// replace existing columns of the table. bad_rows: "fail" raises for a cell that is not a number;
+    /// crs: EPSG code of a grid, such as "EPSG:25832", in which easting and northing are added. replace: whether
+    /// to replace existing columns of the table. bad_rows: "fail" raises for a cell that is not a number;
     /// "status" reports it in the status of its row. origin, stream_size, fit, crop: kind of pixels, see
     /// `Camera`.
     ///
     /// Returns: A table for `polars.DataFrame`, `pyarrow.table` or `pandas.DataFrame.from_arrow`.
     #[pyo3(
         signature = (table, **options),
-        text_signature = "($self, table, *, camera=None, camera_column=None, at=None, at_column=None, at_unit=None, to='floor', columns='auto', box_form=None, height=0.0, sigma_px=None, geographic=False, replace=False, bad_rows='fail', origin=None, stream_size=None, fit=None, crop=None)"
+        text_signature = "($self, table, *, camera=None, camera_column=None, at=None, at_column=None, at_unit=None, to='floor', columns='auto', box_form=None, height=0.0, sigma_px=None, geographic=False, crs=None, replace=False, bad_rows='fail', origin=None, stream_size=None, fit=None, crop=None)"
     )]
     fn project(&self, table: &Bound<'_, PyAny>, options: Option<&Bound<'_, PyDict>>) -> PyResult<PyTable> {
         let py = table.py();

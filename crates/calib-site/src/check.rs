@@ -11,15 +11,16 @@ use crate::bounds::{MAX_CAMERAS, MAX_ITEMS};
 use crate::check_entries::check_elements;
 use crate::check_entries::{check_circle, check_distortion, check_solution};
 use crate::check_entries::{check_plane_id, check_planes, check_survey};
+use crate::check_geographic::{check_coordinate_system, check_geographic, check_ground_points};
 use crate::data_sheet::{Nominal, sensor_diagonal_mm};
 use crate::document::{ControlPointEntry, Georeference, LensEntry, Plan, Site, SiteCamera};
+use crate::geographic::SurveyedPosition;
 use crate::period::check_periods;
 use crate::principal_point::PrincipalPointEntry;
 use crate::scene::SceneEntry;
 use crate::site_error::{
     ErrorSubject, NamedAnnotation, SiteError, SiteErrorKind, kind_from_json_error, quoted,
 };
-use calib_core::floor::{Geographic, TangentPlane};
 use calib_core::single::{Annotation, FieldUse, USUAL_SIZES};
 
 /// Largest length of a site file, in bytes, including `data:` images.
@@ -100,18 +101,15 @@ impl Site {
         check_planes(&root.key("planes"), &self.planes)?;
         let cameras = root.key("cameras");
         count(&cameras, self.cameras.len(), MAX_CAMERAS)?;
-        let geographic = self.geographic_points().count();
-        if geographic > MAX_GEOGRAPHIC_POINTS {
-            let found = format!("{geographic} control points with \"lat_deg\"");
-            return cameras.expected(found, format!("at most {MAX_GEOGRAPHIC_POINTS}"));
-        }
+        check_coordinate_system(&root, self)?;
         for (i, camera) in self.cameras.iter().enumerate() {
             check_camera(&cameras.index(i), camera, self)?;
         }
         check_site_lines(&cameras, &self.cameras)?;
         check_periods(&cameras, &self.cameras)?;
         check_elements(&root, self)?;
-        check_survey(&root, self)
+        check_survey(&root, self)?;
+        check_ground_points(&root, self)
     }
 }
 
@@ -444,85 +442,6 @@ fn check_right_angle_references(at: &At, annotations: &[Annotation]) -> Checked 
     Ok(())
 }
 
-/// Largest number of control points with geographic coordinates. Each is compared with all others.
-const MAX_GEOGRAPHIC_POINTS: usize = 2_000;
-
-/// Checks the geographic coordinates of a control point.
-fn check_geographic(at: &At, point: &ControlPointEntry, site: &Site) -> Checked {
-    let has_site_coordinates = point.world_m.is_some() || point.plan_px.is_some();
-    let (lat_deg, lon_deg) = match (point.lat_deg, point.lon_deg) {
-        (Some(lat_deg), Some(lon_deg)) => (lat_deg, lon_deg),
-        (None, None) if point.alt_m.is_some() => {
-            return at.key("alt_m").expected("\"alt_m\" alone", "\"lat_deg\" and \"lon_deg\", too");
-        }
-        (None, None) if has_site_coordinates => return Ok(()),
-        (None, None) => {
-            let expected = "\"world_m\", or \"plan_px\" with \"height_m\", or \"lat_deg\" and \"lon_deg\"";
-            return at.expected("no coordinates", expected);
-        }
-        _ => return at.expected("only one of \"lat_deg\" and \"lon_deg\"", "both of them"),
-    };
-    Bounds::PITCH.check(&at.key("lat_deg"), lat_deg)?;
-    Bounds::DEGREES.check(&at.key("lon_deg"), lon_deg)?;
-    optional(&at.key("alt_m"), point.alt_m, Bounds::COORDINATE)?;
-    if point.sigma_m.is_none() {
-        let expected = "the accuracy of the position in metres, for example 4 for a phone, 0.5 for an aerial image, \
-                        0.02 for RTK";
-        return at.key("sigma_m").expected("no \"sigma_m\"", expected);
-    }
-    if point.alt_m.is_some() {
-        if point.height_m.is_some() {
-            return at.expected("both \"alt_m\" and \"height_m\"", "only one of them");
-        }
-        let is_floor_known = site.georeference().is_some_and(|found| found.alt_m.is_some());
-        if !has_site_coordinates && !is_floor_known {
-            let expected = "\"height_m\" above the floor, or \"alt_m\" of the floor in the georeference";
-            return at.key("alt_m").expected("\"alt_m\", but the altitude of the floor is unknown", expected);
-        }
-    }
-    check_distance(at, [lat_deg, lon_deg], site)?;
-    if !has_site_coordinates && site.georeference().is_none() {
-        let expected = "the georeference of the site, or two points with both \"world_m\" (or \"plan_px\") and \
-                        \"lat_deg\", \"lon_deg\"";
-        return at.expected("geographic coordinates in a site with other coordinates", expected);
-    }
-    Ok(())
-}
-
-/// Checks that a geographic point is near the site. Names exchanged coordinates and a missing minus.
-fn check_distance(at: &At, [lat_deg, lon_deg]: [f64; 2], site: &Site) -> Checked {
-    /// Largest distance of a point from the site, in metres.
-    const MAX_DISTANCE_M: f64 = 50e3;
-    let Some(reference) = site.geographic_reference() else { return Ok(()) };
-    let plane = TangentPlane::new(reference, 0.0);
-    let distance = |lat: f64, lon: f64| {
-        let at = Geographic { latitude: lat.to_radians(), longitude: lon.to_radians(), ..reference };
-        let world = plane.to_world(at);
-        world.x.hypot(world.y).hypot(world.z)
-    };
-    let own = distance(lat_deg, lon_deg);
-    if own <= MAX_DISTANCE_M {
-        return Ok(());
-    }
-    let others = [
-        (
-            distance(lon_deg, lat_deg),
-            "a point near the first point; latitude and longitude seem to be exchanged, here or in the first point",
-        ),
-        (
-            distance(lat_deg, -lon_deg),
-            "a point near the first point; the longitude seems to have the wrong sign, here or in the first point",
-        ),
-        (
-            distance(-lat_deg, lon_deg),
-            "a point near the first point; the latitude seems to have the wrong sign, here or in the first point",
-        ),
-    ];
-    let cause = others.iter().find(|(other, _)| *other <= MAX_DISTANCE_M).map(|(_, cause)| *cause);
-    let found = format!("a point {:.0} km from the site", own / 1e3);
-    at.expected(found, cause.unwrap_or("a point within 50 km of the first point, or of the georeference"))
-}
-
 /// Checks the values of a control point, and that its coordinates are given in one way.
 fn check_control_point(at: &At, point: &ControlPointEntry, site: &Site) -> Checked {
     id(&at.key("id"), point.id.as_ref())?;
@@ -548,5 +467,12 @@ fn check_control_point(at: &At, point: &ControlPointEntry, site: &Site) -> Check
     optional(&at.key("height_m"), point.height_m, Bounds::COORDINATE)?;
     optional(&at.key("sigma_px"), point.sigma_px, Bounds::POSITIVE)?;
     optional(&at.key("sigma_m"), point.sigma_m, Bounds::POSITIVE)?;
-    check_geographic(at, point, site)
+    let has_site_coordinates = point.world_m.is_some() || point.plan_px.is_some();
+    let position = SurveyedPosition::of_control_point(point);
+    if !has_site_coordinates && !position.is_entered() && position.alt_m.is_none() {
+        let expected = "\"world_m\", or \"plan_px\" with \"height_m\", or \"lat_deg\" and \"lon_deg\", or \
+                        \"crs_m\"";
+        return at.expected("no coordinates", expected);
+    }
+    check_geographic(at, &position, has_site_coordinates, site)
 }

@@ -5,8 +5,10 @@ use std::collections::HashSet;
 use calib_core::camera::{Coefficient, ImageCircle};
 
 use crate::bounds::{At, Bounds, Checked, MAX_ITEMS, count, id, known, name, optional, pixels};
+use crate::check_geographic::check_geographic;
 use crate::document::Site;
 use crate::document::{Link, LinkKind, Mark};
+use crate::geographic::SurveyedPosition;
 use crate::scene::{PlaneEntry, PlaneNumber};
 use crate::site_error::quoted;
 use crate::solution::{CovarianceEntry, DistortionEntry, Solution, Stage};
@@ -80,7 +82,7 @@ pub(crate) fn check_elements(root: &At, site: &Site) -> Checked {
     let cameras: HashSet<&str> = site.cameras.iter().map(|camera| camera.id.as_str()).collect();
     count(&root.key("links"), site.links.len(), MAX_ITEMS)?;
     for (i, link) in site.links.iter().enumerate() {
-        check_link(&root.key("links").index(i), link, &cameras)?;
+        check_link(&root.key("links").index(i), link, &cameras, site)?;
         check_plane_id(&root.key("links").index(i).key("plane"), link.plane.as_ref(), site)?;
     }
     count(&root.key("marks"), site.marks.len(), MAX_ITEMS)?;
@@ -190,7 +192,7 @@ fn check_measurement(at: &At, measurement: &Measurement, cameras: &HashSet<&str>
 }
 
 /// Checks one link: names, numbers, and observations of its kind by cameras of the site.
-fn check_link(at: &At, link: &Link, cameras: &HashSet<&str>) -> Checked {
+fn check_link(at: &At, link: &Link, cameras: &HashSet<&str>, site: &Site) -> Checked {
     id(&at.key("id"), link.id.as_ref())?;
     name(&at.key("name"), link.name.as_ref())?;
     optional(&at.key("height_m"), link.height_m, Bounds::COORDINATE)?;
@@ -206,6 +208,14 @@ fn check_link(at: &At, link: &Link, cameras: &HashSet<&str>) -> Checked {
                 .expected(format!("{key:?}"), format!("no {key:?}, except in a link of kind {word:?}"));
         }
     }
+    let position = SurveyedPosition::of_link(link);
+    if position.is_entered() && kind != LinkKind::Point {
+        return at.expected(
+            "geographic coordinates",
+            "no geographic coordinates, except in a link of kind \"point\"",
+        );
+    }
+    check_geographic(at, &position, false, site)?;
     count(&at.key("seen"), link.seen.len(), MAX_ITEMS)?;
     for (i, seen) in link.seen.iter().enumerate() {
         let list = at.key("seen");

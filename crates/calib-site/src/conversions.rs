@@ -8,7 +8,9 @@ use calib_core::camera::{
 use calib_core::floor::{ControlPoint, MarkShape, Placement, Surface, default_efov, efov_on_floor};
 use calib_core::single::{FixedParameters, PlanePrior, PrincipalPointPrior, Prior, Priors, SceneErrors};
 
-use crate::document::{ControlPointEntry, FixedEntry, Link, Mark, PlacementEntry, Plan, Site, SiteCamera};
+use crate::document::{ControlPointEntry, FixedEntry, GroundPoint, Link, Mark, PlacementEntry};
+use crate::document::{Plan, Site, SiteCamera};
+use crate::geographic::SurveyedPosition;
 use crate::principal_point::PrincipalPointEntry;
 use crate::scene::PlaneEntry;
 use crate::solution::{CovarianceEntry, DistortionEntry, Method, Sigmas, Solution, Stage};
@@ -186,10 +188,20 @@ impl ControlPointEntry {
             height_m: None,
             lat_deg: None,
             lon_deg: None,
+            crs_m: None,
             alt_m: None,
             sigma_px: None,
             sigma_m: None,
         }
+    }
+
+    /// Creates the control point of a click on a ground point.
+    #[must_use]
+    pub fn at_ground_point(point: &GroundPoint, px: Pixel) -> Self {
+        let GroundPoint { id, name, world_m, height_m, lat_deg, lon_deg, crs_m, alt_m, sigma_m } =
+            point.clone();
+        let id = Some(id);
+        Self { id, name, world_m, height_m, lat_deg, lon_deg, crs_m, alt_m, sigma_m, ..Self::new(px) }
     }
 
     /// Returns the name of the control point in residuals: its id, otherwise its index in the list of the
@@ -203,14 +215,17 @@ impl ControlPointEntry {
     /// geographic coordinates without a georeference.
     #[must_use]
     pub fn control_point(&self, site: &Site) -> Option<ControlPoint> {
-        let world = self.site_coordinates(site).or_else(|| self.world_of_geographic(site))?;
+        let world = self
+            .site_coordinates(site)
+            .or_else(|| site.world_of_survey(&SurveyedPosition::of_control_point(self)))?;
         Some(ControlPoint { pixel: self.px, world })
     }
 
     /// Returns the standard deviation of the world coordinates, in metres; 0 if they are exact. Beside site
     /// coordinates, `sigma_m` belongs to the geographic coordinates.
     pub(crate) fn position_sigma(&self) -> f64 {
-        let has_both = self.lat_deg.is_some() && (self.world_m.is_some() || self.plan_px.is_some());
+        let has_both = (self.lat_deg.is_some() || self.crs_m.is_some())
+            && (self.world_m.is_some() || self.plan_px.is_some());
         self.sigma_m.filter(|_| !has_both).unwrap_or(0.0)
     }
 

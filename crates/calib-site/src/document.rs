@@ -52,6 +52,23 @@ document! {
         /// Length of a post, in metres.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         length_m: Option<Known>,
+        /// WGS84 latitude of a point, in degrees.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        lat_deg: Option<f64>,
+        /// WGS84 longitude of a point, in degrees.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        lon_deg: Option<f64>,
+        /// East and north of a point in the grid `crs` of the site, instead of `lat_deg` and `lon_deg`, in the unit
+        /// of the grid (usually metres).
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        crs_m: Option<[f64; 2]>,
+        /// Height of a point above the WGS84 ellipsoid, in metres, instead of `height_m`. It is not the height
+        /// above sea level.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        alt_m: Option<f64>,
+        /// Standard deviation of the geographic coordinates, in metres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        sigma_m: Option<f64>,
         /// Observations, one for each camera that shows the link.
         #[serde(deserialize_with = "bounds::items")]
         seen: Vec<LinkObservation>,
@@ -174,6 +191,11 @@ impl Link {
             height_m: None,
             plane: None,
             length_m: None,
+            lat_deg: None,
+            lon_deg: None,
+            crs_m: None,
+            alt_m: None,
+            sigma_m: None,
             seen,
             solution: None,
         }
@@ -229,6 +251,9 @@ document! {
         /// Geographic position of world (0, 0).
         #[serde(default, skip_serializing_if = "Option::is_none")]
         georeference: Option<Georeference>,
+        /// Projected coordinate system of the grid coordinates `crs_m`: its EPSG code, such as "EPSG:25832".
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        crs: Option<String>,
         /// Expected deviations of the scene from the annotations' assumptions; the usual values if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         scene: Option<SceneEntry>,
@@ -244,6 +269,9 @@ document! {
         /// Measurements in the images.
         #[serde(default, deserialize_with = "bounds::items", skip_serializing_if = "Vec::is_empty")]
         measurements: Vec<Measurement>,
+        /// Points with known coordinates that wait for a click in an image, such as surveyed points.
+        #[serde(default, deserialize_with = "bounds::items", skip_serializing_if = "Vec::is_empty")]
+        ground_points: Vec<GroundPoint>,
         /// Results for the site as a whole.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         solution: Option<SiteSolution>,
@@ -288,6 +316,39 @@ document! {
         /// sea level.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         alt_m: Option<f64>,
+    }
+
+    /// Point with known coordinates and without a pixel. A control point with the same `id` in a camera is a click
+    /// on it.
+    #[derive(Default)]
+    struct GroundPoint {
+        /// Identifier of the point.
+        id: String,
+        /// Description of the point.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        name: Option<String>,
+        /// World coordinates, in metres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        world_m: Option<WorldPoint>,
+        /// Height above the floor of a point given by geographic coordinates, in metres; 0 if absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        height_m: Option<f64>,
+        /// WGS84 latitude of the point, in degrees.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        lat_deg: Option<f64>,
+        /// WGS84 longitude of the point, in degrees.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        lon_deg: Option<f64>,
+        /// East and north of the point in the grid `crs` of the site, instead of `lat_deg` and `lon_deg`, in
+        /// the unit of the grid (usually metres).
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        crs_m: Option<[f64; 2]>,
+        /// Height of the point above the WGS84 ellipsoid, in metres, instead of `height_m`.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        alt_m: Option<f64>,
+        /// Standard deviation of the known coordinates, in metres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        sigma_m: Option<f64>,
     }
 
     /// Camera: its image, known values, annotations and result.
@@ -436,7 +497,7 @@ document! {
     }
 
     /// Control point: an image point with known coordinates (`world_m`, or `plan_px` with `height_m`, or
-    /// `lat_deg` and `lon_deg`).
+    /// `lat_deg` and `lon_deg`, or `crs_m`).
     struct ControlPointEntry {
         /// Identifier of the control point, for references from other entries.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -459,17 +520,21 @@ document! {
         /// Plan pixel of the control point; its world coordinates follow from the scale of the plan.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         plan_px: Option<PlanPixel>,
-        /// Height above the floor of a point given by `plan_px`, or by `lat_deg` and `lon_deg`, in metres; 0 if
+        /// Height above the floor of a point given by `plan_px` or by geographic coordinates, in metres; 0 if
         /// absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         height_m: Option<f64>,
-        /// WGS84 latitude of the control point, in degrees. Together with `world_m` or `plan_px`, it determines
-        /// the georeference of the site.
+        /// WGS84 latitude of the control point, in degrees. Without an entered georeference, points with
+        /// geographic coordinates determine the georeference of the site.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         lat_deg: Option<f64>,
         /// WGS84 longitude of the control point, in degrees.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         lon_deg: Option<f64>,
+        /// East and north of the control point in the grid `crs` of the site, instead of `lat_deg` and `lon_deg`,
+        /// in the unit of the grid (usually metres).
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        crs_m: Option<[f64; 2]>,
         /// Height of the control point above the WGS84 ellipsoid, in metres, instead of `height_m`. It is not the
         /// height above sea level.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -498,11 +563,13 @@ impl Site {
             marks: Vec::new(),
             distances: Vec::new(),
             georeference: None,
+            crs: None,
             scene: None,
             planes: Vec::new(),
             walls: Vec::new(),
             areas: Vec::new(),
             measurements: Vec::new(),
+            ground_points: Vec::new(),
             solution: None,
         }
     }

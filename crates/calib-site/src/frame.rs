@@ -1,6 +1,6 @@
 //! Coordinate systems of the calibrated cameras. Positions of two cameras are comparable only in one system.
 
-use crate::document::{Site, SiteCamera};
+use crate::document::{ControlPointEntry, Site, SiteCamera};
 use crate::solution::Stage;
 
 /// Coordinate system of a camera's position.
@@ -33,7 +33,8 @@ impl Site {
         };
         let is_member = |id: &str| components[index].iter().any(|own| own == id);
         let is_placed = |camera: &SiteCamera| {
-            camera.placement.is_some() || camera.control_points.iter().any(|point| !point.off)
+            let is_known = |point: &ControlPointEntry| !point.off && point.control_point(self).is_some();
+            camera.placement.is_some() || camera.control_points.iter().any(is_known)
         };
         let by_camera = self.cameras.iter().any(|camera| is_member(&camera.id) && is_placed(camera));
         let by_mark = self

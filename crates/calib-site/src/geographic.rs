@@ -1,20 +1,101 @@
-//! Geographic coordinates: the georeference of a site, entered or from its control points, and the world
-//! coordinates of points with latitude and longitude.
+//! Geographic coordinates: the georeference of a site, entered or estimated, and the world coordinates of points
+//! with latitude and longitude or with grid coordinates.
 //!
-//! Without an entered georeference, there are two cases:
+//! Without an entered georeference, there are three cases:
 //!
-//! - Control points with both site and geographic coordinates determine the georeference.
-//! - If all control points are geographic, they define the coordinate system of the site: world (0, 0) is the
+//! - Two or more control points have both site and geographic coordinates. They determine the georeference.
+//! - All known coordinates are geographic. They define the coordinate system of the site: world (0, 0) is the
 //!   first point, +x is east and +y is north. The floor is at its altitude.
+//! - The site has other coordinates, such as a plan, and control points with geographic coordinates only. The
+//!   solved cameras give their site coordinates, and both together determine the georeference
+//!   (`georeference_step`).
 
-use calib_core::WorldPoint;
-use calib_core::floor::{Geographic, GeographicPair, GeoreferenceFit, TangentPlane};
+use calib_core::floor::{Geographic, GeographicPair, GeoreferenceFit, TangentPlane, georeference_variances};
+use calib_core::{FloorPoint, WorldPoint};
 
-use crate::document::{ControlPointEntry, Georeference, Site};
+use crate::coordinate_system::CoordinateSystem;
+use crate::document::{ControlPointEntry, Georeference, GroundPoint, Link, Site};
 use crate::site_solution::{GeoreferenceSigmas, GeoreferenceSolution};
 
 /// Azimuth of east, in degrees.
 const EAST_DEG: f64 = 90.0;
+
+/// Reads latitude and longitude, in degrees, as people type or copy them: `48.137154, 11.576124`,
+/// `48.137154 N 11.576124 E`, or degrees, minutes and seconds. Returns `None` for other texts.
+#[must_use]
+pub fn typed_degrees(text: &str) -> Option<[f64; 2]> {
+    let text = text.trim().to_uppercase();
+    let halves = match text.find(['N', 'S']) {
+        Some(at) if at + 1 < text.len() => text.split_at(at + 1),
+        Some(_) => return None,
+        None => {
+            let separator = [';', ','].into_iter().find(|mark| text.matches(*mark).count() == 1);
+            match separator {
+                Some(mark) => text.split_once(mark)?,
+                None => text.split_once(char::is_whitespace)?,
+            }
+        }
+    };
+    let [lat, lon] = [angle(halves.0)?, angle(halves.1)?];
+    (lat.abs() <= 90.0 && lon.abs() <= 180.0).then_some([lat, lon])
+}
+
+/// Reads an angle: degrees, or degrees, minutes and seconds, with a sign or a letter.
+fn angle(text: &str) -> Option<f64> {
+    const UNITS: [f64; 3] = [1.0, 1.0 / 60.0, 1.0 / 3600.0];
+    let is_negative = text.contains(['-', '\u{2212}', 'S', 'W']);
+    // Only digits, points, and the signs and letters of angles may occur.
+    let is_allowed = |c: char| {
+        c.is_ascii_digit() || c.is_whitespace() || ".-+,NSEWO\u{2212}\u{b0}'\"\u{2032}\u{2033}".contains(c)
+    };
+    if !text.chars().all(is_allowed) {
+        return None;
+    }
+    let words = text.split(|c: char| !c.is_ascii_digit() && c != '.').filter(|word| !word.is_empty());
+    let numbers: Vec<f64> = words.map(|word| word.parse().ok()).collect::<Option<_>>()?;
+    if numbers.is_empty() || numbers.len() > UNITS.len() || numbers[1..].iter().any(|part| *part >= 60.0) {
+        return None;
+    }
+    let angle: f64 = numbers.iter().zip(UNITS).map(|(number, unit)| number * unit).sum();
+    Some(if is_negative { -angle } else { angle })
+}
+
+impl GeoreferenceSolution {
+    pub(crate) fn from_fit(fit: &GeoreferenceFit) -> Self {
+        let GeoreferenceFit { origin, x_axis_azimuth, covariance } = fit;
+        let [east_m, north_m, azimuth] = fit.sigmas();
+        let sigmas = [east_m, north_m, azimuth];
+        let correlation = |a: usize, b: usize| covariance[a][b] / (sigmas[a] * sigmas[b]);
+        let correlations = Some([correlation(0, 1), correlation(0, 2), correlation(1, 2)]);
+        Self {
+            lat_deg: origin.latitude.to_degrees(),
+            lon_deg: origin.longitude.to_degrees(),
+            x_axis_azimuth_deg: x_axis_azimuth.to_degrees().rem_euclid(360.0),
+            alt_m: None,
+            sigma: GeoreferenceSigmas { east_m, north_m, azimuth_deg: azimuth.to_degrees(), correlations },
+        }
+    }
+
+    /// Returns the variances toward east and north of a world point that the errors of the georeference cause,
+    /// in square metres.
+    #[must_use]
+    pub fn variances(&self, point: FloorPoint) -> [f64; 2] {
+        let GeoreferenceSigmas { east_m, north_m, azimuth_deg, correlations } = self.sigma;
+        let sigmas = [east_m, north_m, azimuth_deg.to_radians()];
+        let [en, ea, na] = correlations.unwrap_or_default();
+        let correlations = [[1.0, en, ea], [en, 1.0, na], [ea, na, 1.0]];
+        let covariance =
+            std::array::from_fn(|i| std::array::from_fn(|j| sigmas[i] * sigmas[j] * correlations[i][j]));
+        georeference_variances(&covariance, self.x_axis_azimuth_deg.to_radians(), point)
+    }
+
+    /// Returns the georeference as an operator would enter it.
+    #[must_use]
+    pub const fn as_entered(&self) -> Georeference {
+        let Self { lat_deg, lon_deg, x_axis_azimuth_deg, alt_m, .. } = *self;
+        Georeference { lat_deg, lon_deg, x_axis_azimuth_deg, alt_m }
+    }
+}
 
 impl Georeference {
     /// Returns the map from the site to geographic coordinates.
@@ -33,42 +114,73 @@ impl Georeference {
     }
 }
 
-impl ControlPointEntry {
-    /// Returns the entered geographic coordinates, with height 0 if no altitude is entered.
-    pub(crate) fn geographic(&self) -> Option<Geographic> {
-        Some(Geographic {
-            latitude: self.lat_deg?.to_radians(),
-            longitude: self.lon_deg?.to_radians(),
-            height: self.alt_m.unwrap_or(0.0),
-        })
+/// Surveyed position: the geographic coordinates of a control point or of a link, as entered.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SurveyedPosition {
+    pub(crate) lat_deg: Option<f64>,
+    pub(crate) lon_deg: Option<f64>,
+    pub(crate) crs_m: Option<[f64; 2]>,
+    pub(crate) alt_m: Option<f64>,
+    pub(crate) height_m: Option<f64>,
+    pub(crate) sigma_m: Option<f64>,
+    /// Whether the control point or link is switched off.
+    pub(crate) off: bool,
+}
+
+/// Surveyed position with its geographic coordinates.
+struct SurveyedPoint {
+    entered: SurveyedPosition,
+    geographic: Geographic,
+    /// World coordinates, if they are entered, too.
+    world: Option<WorldPoint>,
+}
+
+impl SurveyedPosition {
+    /// Returns the entered position of a control point.
+    pub(crate) const fn of_control_point(point: &ControlPointEntry) -> Self {
+        let ControlPointEntry { lat_deg, lon_deg, crs_m, alt_m, height_m, sigma_m, off, .. } = *point;
+        Self { lat_deg, lon_deg, crs_m, alt_m, height_m, sigma_m, off }
     }
 
-    /// Returns the world coordinates of a point with latitude and longitude.
-    ///
-    /// The floor is flat: without an altitude, the height of the point is `height_m` above it.
-    pub(crate) fn world_of_geographic(&self, site: &Site) -> Option<WorldPoint> {
-        let at = self.geographic()?;
-        let georeference = site.georeference()?;
-        let floor = georeference.alt_m.unwrap_or(0.0);
-        let world = georeference.tangent_plane().to_world(match self.alt_m {
-            Some(_) => at,
-            None => Geographic { height: floor + self.height_m.unwrap_or(0.0), ..at },
-        });
-        let z = if self.alt_m.is_some() { world.z } else { self.height_m.unwrap_or(0.0) };
-        Some(WorldPoint { z, ..world })
+    /// Returns the entered position of a ground point.
+    pub(crate) const fn of_ground_point(point: &GroundPoint) -> Self {
+        let GroundPoint { lat_deg, lon_deg, crs_m, alt_m, height_m, sigma_m, .. } = *point;
+        Self { lat_deg, lon_deg, crs_m, alt_m, height_m, sigma_m, off: false }
+    }
+
+    /// Returns the entered position of a link.
+    pub(crate) const fn of_link(link: &Link) -> Self {
+        let Link { lat_deg, lon_deg, crs_m, alt_m, height_m, sigma_m, off, .. } = *link;
+        Self { lat_deg, lon_deg, crs_m, alt_m, height_m, sigma_m, off }
+    }
+
+    /// Whether geographic coordinates are entered, even incomplete ones.
+    pub(crate) const fn is_entered(&self) -> bool {
+        self.lat_deg.is_some() || self.lon_deg.is_some() || self.crs_m.is_some()
+    }
+
+    /// Returns the geographic coordinates, with height 0 if no altitude is entered. Returns `None` without
+    /// coordinates, and for a grid position without the coordinate system of the site.
+    pub(crate) fn geographic(&self, system: Option<&CoordinateSystem>) -> Option<Geographic> {
+        let at = match self.crs_m {
+            Some(grid) => system?.to_geographic(grid)?,
+            None => Geographic {
+                latitude: self.lat_deg?.to_radians(),
+                longitude: self.lon_deg?.to_radians(),
+                height: 0.0,
+            },
+        };
+        Some(Geographic { height: self.alt_m.unwrap_or(0.0), ..at })
     }
 }
 
 impl Site {
-    /// Returns the georeference of the site: entered for the site or its plan, otherwise from its control
-    /// points.
+    /// Returns the georeference of the site: entered for the site or its plan, otherwise from its control points
+    /// and links, otherwise from its solved cameras.
     #[must_use]
     pub fn georeference(&self) -> Option<Georeference> {
-        self.entered_georeference().cloned().or_else(|| {
-            let GeoreferenceSolution { lat_deg, lon_deg, x_axis_azimuth_deg, alt_m, .. } =
-                self.georeference_of_points()?;
-            Some(Georeference { lat_deg, lon_deg, x_axis_azimuth_deg, alt_m })
-        })
+        let solved = || self.solution.as_ref()?.georeference.as_ref().map(GeoreferenceSolution::as_entered);
+        self.known_georeference().or_else(solved)
     }
 
     /// Returns the map from the site to geographic coordinates; `None` without a georeference.
@@ -77,48 +189,95 @@ impl Site {
         self.georeference().as_ref().map(Georeference::tangent_plane)
     }
 
+    /// Returns the estimated georeference of the site, with its standard deviations; `None` if it is entered.
+    #[must_use]
+    pub fn estimated_georeference(&self) -> Option<GeoreferenceSolution> {
+        if self.entered_georeference().is_some() {
+            return None;
+        }
+        self.georeference_of_points().or_else(|| self.solution.as_ref()?.georeference.clone())
+    }
+
+    /// Returns the projected coordinate system of the site; `None` without one.
+    #[must_use]
+    pub fn coordinate_system(&self) -> Option<CoordinateSystem> {
+        CoordinateSystem::new(self.crs.as_ref()?).ok()
+    }
+
+    /// Returns the georeference that does not depend on solved cameras.
+    pub(crate) fn known_georeference(&self) -> Option<Georeference> {
+        let of_points = || self.georeference_of_points().as_ref().map(GeoreferenceSolution::as_entered);
+        self.entered_georeference().cloned().or_else(of_points)
+    }
+
     /// Returns the georeference of the site or of its plan, as entered.
     pub(crate) fn entered_georeference(&self) -> Option<&Georeference> {
         self.georeference.as_ref().or_else(|| self.plan.as_ref()?.georeference.as_ref())
     }
 
-    /// Returns the control points with geographic coordinates. Points that are switched off count, so that
-    /// switching a point off does not move the coordinate system.
-    pub(crate) fn geographic_points(&self) -> impl Iterator<Item = (&ControlPointEntry, Geographic)> {
-        let points = self.cameras.iter().flat_map(|camera| &camera.control_points);
-        points.filter_map(|point| Some((point, point.geographic()?)))
+    /// Returns the world coordinates of a surveyed position; `None` without a known georeference.
+    ///
+    /// The floor is flat: without an altitude, the height of the point is `height_m` above it.
+    pub(crate) fn world_of_survey(&self, position: &SurveyedPosition) -> Option<WorldPoint> {
+        if !position.is_entered() {
+            return None;
+        }
+        let at = position.geographic(self.coordinate_system().as_ref())?;
+        let georeference = self.known_georeference()?;
+        let floor = georeference.alt_m.unwrap_or(0.0);
+        let height = position.height_m.unwrap_or(0.0);
+        let world = georeference.tangent_plane().to_world(match position.alt_m {
+            Some(_) => at,
+            None => Geographic { height: floor + height, ..at },
+        });
+        Some(WorldPoint { z: if position.alt_m.is_some() { world.z } else { height }, ..world })
     }
 
-    /// Returns the georeference that follows from the control points; `None` if it is entered, or undetermined.
+    /// Returns the number of control points and links with geographic coordinates.
+    pub(crate) fn surveyed_positions(&self) -> usize {
+        let points = self.cameras.iter().flat_map(|camera| &camera.control_points);
+        let of_points = points.filter(|point| SurveyedPosition::of_control_point(point).is_entered());
+        of_points.count()
+            + self.links.iter().filter(|link| SurveyedPosition::of_link(link).is_entered()).count()
+    }
+
+    /// Returns the control points and links with geographic coordinates. Those that are switched off count, so
+    /// that switching a point off does not move the coordinate system.
+    fn surveyed_points(&self) -> impl Iterator<Item = SurveyedPoint> {
+        let system = self.coordinate_system();
+        let points = self.cameras.iter().flat_map(|camera| &camera.control_points);
+        let points =
+            points.map(|point| (SurveyedPosition::of_control_point(point), point.site_coordinates(self)));
+        let links = self.links.iter().map(|link| (SurveyedPosition::of_link(link), None));
+        points.chain(links).filter(|(entered, _)| entered.is_entered()).filter_map(move |(entered, world)| {
+            Some(SurveyedPoint { entered, geographic: entered.geographic(system.as_ref())?, world })
+        })
+    }
+
+    /// Returns the georeference that follows from control points and links; `None` if it is entered, or
+    /// undetermined.
     pub(crate) fn georeference_of_points(&self) -> Option<GeoreferenceSolution> {
         if self.entered_georeference().is_some() {
             return None;
         }
-        let (first, at) = self.geographic_points().next()?;
-        let pair = |(point, geographic): (&ControlPointEntry, Geographic)| {
-            let world = point.site_coordinates(self)?.on_floor();
-            Some(GeographicPair { world, geographic, sigma: point.sigma_m? })
+        let first = self.surveyed_points().next()?;
+        let pair = |point: SurveyedPoint| {
+            let world = point.world?.on_floor();
+            Some(GeographicPair { world, geographic: point.geographic, sigma: point.entered.sigma_m? })
         };
         let used: Vec<GeographicPair> =
-            self.geographic_points().filter(|(point, _)| !point.off).filter_map(pair).collect();
-        let pairs = if used.len() > 1 { used } else { self.geographic_points().filter_map(pair).collect() };
-        if !pairs.is_empty() {
-            let GeoreferenceFit { origin, x_axis_azimuth, sigmas: [east_m, north_m, azimuth] } =
-                GeoreferenceFit::new(&pairs)?;
-            return Some(GeoreferenceSolution {
-                lat_deg: origin.latitude.to_degrees(),
-                lon_deg: origin.longitude.to_degrees(),
-                x_axis_azimuth_deg: x_axis_azimuth.to_degrees().rem_euclid(360.0),
-                alt_m: None,
-                sigma: GeoreferenceSigmas { east_m, north_m, azimuth_deg: azimuth.to_degrees() },
-            });
+            self.surveyed_points().filter(|point| !point.entered.off).filter_map(pair).collect();
+        let pairs = if used.len() > 1 { used } else { self.surveyed_points().filter_map(pair).collect() };
+        if pairs.len() > 1 {
+            return Some(GeoreferenceSolution::from_fit(&GeoreferenceFit::new(&pairs)?));
         }
+        let Geographic { latitude, longitude, .. } = first.geographic;
         (!self.has_site_coordinates()).then(|| GeoreferenceSolution {
-            lat_deg: at.latitude.to_degrees(),
-            lon_deg: at.longitude.to_degrees(),
+            lat_deg: latitude.to_degrees(),
+            lon_deg: longitude.to_degrees(),
             x_axis_azimuth_deg: EAST_DEG,
-            alt_m: first.alt_m,
-            sigma: GeoreferenceSigmas { east_m: 0.0, north_m: 0.0, azimuth_deg: 0.0 },
+            alt_m: first.entered.alt_m,
+            sigma: GeoreferenceSigmas { east_m: 0.0, north_m: 0.0, azimuth_deg: 0.0, correlations: None },
         })
     }
 
@@ -139,7 +298,33 @@ impl Site {
     pub(crate) fn geographic_reference(&self) -> Option<Geographic> {
         match self.entered_georeference() {
             Some(georeference) => Some(georeference.origin()),
-            None => self.geographic_points().next().map(|(_, at)| at),
+            None => self.surveyed_points().next().map(|point| point.geographic),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn typed_coordinates_are_read() {
+        for (text, expected) in [
+            ("48.137154, 11.576124", [48.137_154, 11.576_124]),
+            ("48.137154 11.576124", [48.137_154, 11.576_124]),
+            ("-33.5;151.25", [-33.5, 151.25]),
+            ("33.5\u{b0} S, 151.25\u{b0} E", [-33.5, 151.25]),
+            ("40 n 74.5 w", [40.0, -74.5]),
+            ("48\u{b0}30'36\"N 11\u{b0}15'00.0\"E", [48.51, 11.25]),
+        ] {
+            let found = typed_degrees(text).unwrap_or_else(|| panic!("{text}"));
+            assert!(
+                (found[0] - expected[0]).abs() < 1e-9 && (found[1] - expected[1]).abs() < 1e-9,
+                "{text}: {found:?}"
+            );
+        }
+        for text in ["", "48.1", "north", "95, 10", "48.1, 11.5, 519", "48.1 N", "a, b", "1 2 3 4 5"] {
+            assert_eq!(typed_degrees(text), None, "{text}");
         }
     }
 }

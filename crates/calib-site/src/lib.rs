@@ -7,8 +7,11 @@
 //!
 //! - `document`, `scene`, `solution`, `site_solution`, `survey_entries`: entries of the site file and their
 //!   results;
+//! - `coordinate_system`, `geographic`, `map_plan`: projected grids, geographic coordinates of the site, and
+//!   georeferenced plans;
 //! - `conversions`, `covariance_entry`: conversions between entries and geometric types;
-//! - `bounds`, `check`, `check_entries`, `period`, `site_error`: reading and checking a site file;
+//! - `bounds`, `check`, `check_entries`, `check_geographic`, `period`, `site_error`: reading and checking a site
+//!   file;
 //! - `view`, `frame`: lookup of calibrated cameras and of stored findings, and their coordinate systems.
 //!
 //! Pipeline, in the order of the data:
@@ -20,6 +23,7 @@
 //! - `single_step`: stage 1, each camera separately, with `points_step` (stage 1 from control points);
 //! - `observations`, `bundle_step`: stage 2, all cameras jointly, from their shared observations;
 //! - `placement_step`: placement of cameras by control points or by hand;
+//! - `georeference_step`: georeference from the solved cameras;
 //! - `overlap`, `quality`, `reliability`, `points_outside`: agreement between cameras, and findings;
 //! - `camera_result`, `english`: conversion of findings to sentences.
 //!
@@ -77,7 +81,8 @@
 //!
 //! # Features
 //!
-//! `schema`: adds the JSON Schema of the site document.
+//! - `schema`: adds the JSON Schema of the site document.
+//! - `epsg`: adds the definitions of all EPSG codes. Without them, UTM and common national grids are known.
 
 mod site_error;
 mod bounds;
@@ -91,7 +96,9 @@ mod principal_point;
 mod survey_entries;
 mod document;
 mod nominal_focal;
+mod coordinate_system;
 mod geographic;
+mod map_plan;
 mod conversions;
 mod options;
 mod english;
@@ -105,10 +112,12 @@ mod single_step;
 mod observations;
 mod bundle_step;
 mod covariance_entry;
+mod check_geographic;
 mod check_entries;
 mod period;
 mod view;
 mod frame;
+mod georeference_step;
 mod check;
 mod placement_step;
 mod overlap;
@@ -123,14 +132,17 @@ mod measurement;
 
 pub use bounds::{MAX_CAMERAS, MAX_ITEMS};
 pub use check::{MAX_BYTES, MAX_SIDE, MAX_VALUES};
+pub use coordinate_system::{CoordinateSystem, CoordinateSystemError};
 pub use coverage::{AreaResult, CoverageError, CoverageOptions, LevelRectangle, SiteCoverage};
 pub use data_sheet::Nominal;
 pub use document::{
-    ControlPointEntry, Distance, FixedEntry, Format, Georeference, LensEntry, Link, LinkKind,
+    ControlPointEntry, Distance, FixedEntry, Format, Georeference, GroundPoint, LensEntry, Link, LinkKind,
     LinkObservation, Mark, MarkObservation, PlacementEntry, Plan, Site, SiteCamera,
 };
 pub use english::{Names, counted};
+pub use geographic::typed_degrees;
 pub use lens_cache::LensCache;
+pub use map_plan::{MapPlanError, MapPosition};
 pub use measurement::MeasurementError;
 pub use options::Options;
 pub use period::CameraLookupError;

@@ -4,6 +4,7 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use crate::document::{ControlPointEntry, Link, LinkKind, Mark, Site, SiteCamera};
+use crate::geographic::SurveyedPosition;
 use crate::single_step::SingleFit;
 use calib_core::bundle::{DistanceMeasurement, Landmark, LandmarkModel, Observation};
 use calib_core::camera::{Pixel, Plane, WorldPoint};
@@ -86,7 +87,9 @@ impl Site {
         self.drop_single_points(&mut landmarks);
         let links = self.links.iter().enumerate();
         landmarks.extend(
-            links.map(|(i, link)| (LandmarkSource::Link(i), link_landmark(link, planes, &camera, &noise))),
+            links.map(|(i, link)| {
+                (LandmarkSource::Link(i), self.link_landmark(link, planes, &camera, &noise))
+            }),
         );
         let marks = self.marks.iter().enumerate().filter(|(_, mark)| !mark.seen.is_empty());
         landmarks
@@ -114,6 +117,28 @@ impl Site {
         let pixel_sigma = point.sigma_px.unwrap_or(noise);
         let seen = Observation { sigma: pixel_sigma, ..Observation::new(camera, point.px) };
         Some(Landmark { keep: point.keep, off: point.off, ..Landmark::measured(at, sigma, vec![seen]) })
+    }
+
+    /// Returns the landmark of a link. A point with geographic coordinates is a measured point of known height.
+    fn link_landmark(
+        &self,
+        link: &Link,
+        planes: &[PlanePrior],
+        camera: &dyn Fn(&str) -> Option<usize>,
+        noise: &[f64],
+    ) -> Landmark {
+        let landmark = link_landmark(link, planes, camera, noise);
+        let at = self.world_of_survey(&SurveyedPosition::of_link(link));
+        let Some((at, sigma)) = at.zip(link.sigma_m) else { return landmark };
+        let measured = Landmark::measured(at, Some(sigma), landmark.observations);
+        let is_level = |(k, _): &(usize, Prior)| *k < 2;
+        Landmark {
+            free: [true, true, false],
+            priors: measured.priors.iter().copied().filter(is_level).collect(),
+            keep: link.keep,
+            off: link.off,
+            ..measured
+        }
     }
 
     /// Removes a camera's only control point, which does not determine the yaw. It is kept if the camera is

@@ -53,8 +53,7 @@ impl Report {
     #[must_use]
     pub fn write_into(&self, site: &Site) -> Site {
         let mut solved = site.clone();
-        let georeference = site.georeference_of_points();
-        let solution = SiteSolution { georeference, ..self.site.clone() };
+        let solution = self.site.clone();
         solved.solution = (!solution.is_empty()).then_some(solution);
         for (link, found) in solved.links.iter_mut().zip(&self.links) {
             link.solution.clone_from(found);
@@ -125,7 +124,12 @@ impl Site {
             found.map(|PlaneEstimate { plane, covariance }| PlaneSolution::from_plane(&plane, &covariance))
         };
         let planes = bundle.planes.iter().map(found).collect();
-        Report { cameras, findings, links, marks, planes, site, site_findings }
+        let mut report = Report { cameras, findings, links, marks, planes, site, site_findings };
+        report.site.georeference = self.georeference_of_points().or_else(|| {
+            let is_open = self.entered_georeference().is_none() && self.surveyed_positions() > 0;
+            is_open.then(|| report.write_into(self).georeference_of_cameras())?
+        });
+        report
     }
 
     /// Runs stage 1 for the given cameras, which must include the owners of shared lenses. If lens parameters

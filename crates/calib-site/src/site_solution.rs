@@ -81,6 +81,7 @@ document! {
     }
 
     /// Standard deviations of a georeference.
+    #[derive(Copy)]
     struct GeoreferenceSigmas {
         /// Standard deviation of the position toward east, in metres.
         east_m: f64,
@@ -88,6 +89,9 @@ document! {
         north_m: f64,
         /// Standard deviation of the azimuth, in degrees.
         azimuth_deg: f64,
+        /// Correlations: of east and north, of east and the azimuth, and of north and the azimuth.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        correlations: Option<[f64; 3]>,
     }
 
     /// Cross-covariance of the estimated parameters of two cameras.

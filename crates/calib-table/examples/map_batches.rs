@@ -34,6 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         height: 0.0,
         sigma: Some(2.0),
         is_geographic: false,
+        grid: None,
         replaces: false,
         bad,
     };

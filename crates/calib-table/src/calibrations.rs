@@ -6,7 +6,7 @@ use arrow_array::{Array as _, RecordBatch, StringArray};
 use arrow_schema::Schema;
 use calib_core::floor::{Stream, StreamError, StreamMap, TangentPlane};
 use calib_core::{Camera, Extent, FloorPoint, FloorProjector, Surface};
-use calib_site::{Site, SiteCamera};
+use calib_site::{GeoreferenceSolution, Site, SiteCamera};
 use serde_json::json;
 
 use crate::cast::texts;
@@ -57,6 +57,8 @@ pub struct Calibrations {
     pub(crate) planes: Planes,
     /// Map from the site to geographic coordinates, if the site has a georeference.
     pub(crate) tangent_plane: Option<TangentPlane>,
+    /// Estimated georeference of the site, with its errors; `None` if it is entered.
+    pub(crate) georeference: Option<GeoreferenceSolution>,
     /// Indices of the calibrations, by camera id.
     by_camera: HashMap<String, Vec<u32>>,
     camera: CameraSource,
@@ -201,6 +203,7 @@ impl Calibrations {
             list,
             planes,
             tangent_plane: site.tangent_plane(),
+            georeference: site.estimated_georeference(),
             by_camera: of_camera,
             camera,
             at,

@@ -9,8 +9,9 @@ use std::sync::Arc;
 use arrow_array::builder::StringBuilder;
 use arrow_array::{ArrayRef, Float64Array, RecordBatch, RecordBatchOptions};
 use arrow_schema::{Field, Schema};
-use calib_core::floor::{StreamMap, SurfacePoint, TangentPlane};
-use calib_core::{FloorCovariance, Pixel, Status, SurfaceProjector, WorldPoint};
+use calib_core::floor::{Geographic, StreamMap, SurfacePoint, TangentPlane};
+use calib_core::{FloorCovariance, FloorPoint, Pixel, Status, SurfaceProjector, WorldPoint};
+use calib_site::{CoordinateSystem, GeoreferenceSolution};
 
 use crate::boxes::{BOXES, BoxColumns, BoxValues, Boxes, FEET_OR_BOXES};
 use crate::calibrations::{Calibration, Calibrations, Choice, Planes};
@@ -180,6 +181,8 @@ pub struct Mapping {
     pub sigma: Option<f64>,
     /// Whether to add latitude and longitude. The site must have a georeference.
     pub is_geographic: bool,
+    /// Grid in which east and north are added. The site must have a georeference.
+    pub grid: Option<CoordinateSystem>,
     /// Whether output columns replace existing columns of the same name; otherwise these are an error.
     pub replaces: bool,
     /// Handling of invalid cells.
@@ -209,8 +212,8 @@ impl Mapping {
         let mut fields: Vec<Arc<Field>> = schema.fields().iter().cloned().collect();
         let mut columns = batch.columns().to_vec();
         let geographic = match calibrations.tangent_plane {
-            _ if !self.is_geographic => Vec::new(),
-            Some(plane) => mapped.geographic_columns(&plane, self.height),
+            _ if !self.is_geographic && self.grid.is_none() => Vec::new(),
+            Some(plane) => self.geographic_columns(&mapped, &plane, calibrations.georeference.as_ref()),
             None => return Err(self.no_georeference_error()),
         };
         for (name, column) in mapped.columns(self.to, &calibrations.planes).into_iter().chain(geographic) {
@@ -231,9 +234,54 @@ impl Mapping {
 
     fn no_georeference_error(&self) -> TableError {
         TableError::Usage(format!(
-            "{}: the site has no georeference; add \"georeference\" with lat_deg, lon_deg and x_axis_azimuth_deg",
-            self.bad.wording().name("geographic")
+            "{}: the site has no georeference; add \"georeference\" with lat_deg, lon_deg and x_axis_azimuth_deg, or \
+             two control points with lat_deg and lon_deg",
+            self.bad.wording().name(if self.is_geographic { "geographic" } else { "crs" })
         ))
+    }
+
+    /// Returns latitude and longitude, in degrees, and east and north in the grid. If uncertainties are computed,
+    /// also returns the standard deviations toward east and north, in metres: of the pixel, and of the
+    /// calibration with the georeference.
+    fn geographic_columns(
+        &self,
+        mapped: &MappedPoints,
+        plane: &TangentPlane,
+        georeference: Option<&GeoreferenceSolution>,
+    ) -> Vec<(&'static str, ArrayRef)> {
+        let points: Vec<Option<Geographic>> = mapped.geographic_points(plane, self.height).collect();
+        let mut columns = Vec::new();
+        let mut add = |names: [&'static str; 2], values: Vec<[f64; 2]>| {
+            let (a, b): (Vec<f64>, Vec<f64>) = values.into_iter().map(<(f64, f64)>::from).unzip();
+            columns.extend(names.into_iter().zip([nan_to_null(a), nan_to_null(b)]));
+        };
+        if self.is_geographic {
+            let degrees = |at: Geographic| [at.latitude.to_degrees(), at.longitude.to_degrees()];
+            let rows = points.iter().map(|at| at.map_or([f64::NAN; 2], degrees));
+            add(["lat_deg", "lon_deg"], rows.collect());
+        }
+        if let Some(grid) = &self.grid {
+            let east_north = |at: &Option<Geographic>| at.and_then(|at| grid.from_geographic(at));
+            let rows = points.iter().map(|at| east_north(at).unwrap_or([f64::NAN; 2]));
+            add(["easting", "northing"], rows.collect());
+        }
+        for (part, names) in GEOGRAPHIC_SIGMA_COLUMNS.into_iter().enumerate() {
+            let Some(Sigmas(values)) = &mapped.sigmas else { break };
+            let [x, y, rho] = [0, 1, 2].map(|index| &values[3 * part + index]);
+            let of = |row: usize| {
+                let own = plane.east_north_sigmas([x[row], y[row], rho[row]]);
+                let at = FloorPoint { x: mapped.x[row], y: mapped.y[row] };
+                match georeference.filter(|_| part == 1) {
+                    Some(estimated) => {
+                        let [east, north] = estimated.variances(at);
+                        [own[0].hypot(east.max(0.0).sqrt()), own[1].hypot(north.max(0.0).sqrt())]
+                    }
+                    None => own,
+                }
+            };
+            add(names, (0..x.len()).map(of).collect());
+        }
+        columns
     }
 
     fn existing_column_error(&self, batch: &RecordBatch, name: &str) -> TableError {
@@ -431,29 +479,20 @@ impl MappedPoints {
         }
     }
 
-    /// Returns latitude and longitude, in degrees. If uncertainties are computed, also returns the standard
-    /// deviations toward east and north, in metres: of the pixel, and of the calibration.
-    fn geographic_columns(&self, plane: &TangentPlane, height: f64) -> Vec<(&'static str, ArrayRef)> {
-        let height_of = |row: usize| match &self.plane_points {
+    /// Returns the geographic coordinates of the points; `None` for a row without a point.
+    fn geographic_points(
+        &self,
+        plane: &TangentPlane,
+        height: f64,
+    ) -> impl Iterator<Item = Option<Geographic>> {
+        let height_of = move |row: usize| match &self.plane_points {
             Some(points) => points.0[row].map_or(height, |point| point.at.z),
             None => height,
         };
-        let degrees = |row: usize| {
+        (0..self.x.len()).map(move |row| {
             let point = WorldPoint { x: self.x[row], y: self.y[row], z: height_of(row) };
-            let at = if point.is_finite() { Some(plane.to_geographic(point)) } else { None };
-            at.map_or([f64::NAN; 2], |at| [at.latitude.to_degrees(), at.longitude.to_degrees()])
-        };
-        let (latitudes, longitudes): (Vec<f64>, Vec<f64>) =
-            (0..self.x.len()).map(|row| degrees(row).into()).unzip();
-        let mut columns = vec![("lat_deg", nan_to_null(latitudes)), ("lon_deg", nan_to_null(longitudes))];
-        for (part, names) in GEOGRAPHIC_SIGMA_COLUMNS.into_iter().enumerate() {
-            let Some(Sigmas(values)) = &self.sigmas else { break };
-            let [x, y, rho] = [0, 1, 2].map(|index| &values[3 * part + index]);
-            let of = |row: usize| plane.east_north_sigmas([x[row], y[row], rho[row]]);
-            let (east, north): (Vec<f64>, Vec<f64>) = (0..x.len()).map(|row| of(row).into()).unzip();
-            columns.extend(names.into_iter().zip([nan_to_null(east), nan_to_null(north)]));
-        }
-        columns
+            point.is_finite().then(|| plane.to_geographic(point))
+        })
     }
 
     /// Returns the output columns with their names.

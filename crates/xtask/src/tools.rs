@@ -57,7 +57,7 @@ macro_rules! python {
 pub(crate) const PEERS: Tool = python!(
     "Python packages of the peers",
     "target/peers-venv",
-    "numpy==2.4.6 scipy==1.17.1 opencv-python-headless==5.0.0.93 pycolmap==4.2.1 poselib==2.0.5 PyYAML==6.0.3"
+    "numpy==2.4.6 scipy==1.17.1 opencv-python-headless==5.0.0.93 pycolmap==4.2.1 poselib==2.0.5 PyYAML==6.0.3 pyproj==3.7.2"
 );
 
 /// Python packages for the tests and the benchmark of archives: `DuckDB`, pandas and `PyArrow`.

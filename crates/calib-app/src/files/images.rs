@@ -7,11 +7,12 @@ use calib_editor::images::{camera_name, has_ending, is_image, mime};
 use calib_editor::{Action, NewImage, import_any, plan_from_world_file, world_endings};
 use calib_formats::{File, Format, Imported};
 use calib_input::time_in_name;
+use calib_plan::ImagePosition;
 use calib_site::Plan;
 use egui::Context;
 
 use crate::choice::Chosen;
-use crate::drawing::plan_from_drawing;
+use crate::drawing::{plan_from_drawing, plan_on_map};
 use crate::platform::{Here, Platform as _, Task};
 use crate::state::{App, Comparing, Mode, Planning, Read, ReadPicture};
 
@@ -85,9 +86,14 @@ impl App {
             None => self.jobs.planning = Some(planning),
             Some(Ok(still)) => {
                 let drawing = still.drawing.clone();
+                let on_map = still.position.and_then(|position| {
+                    let plan = plan_on_map(self.editor.site(), still.still.size, position);
+                    plan.map_err(|error| self.act(Action::AddError(error))).ok()?
+                });
                 let world_file =
                     planning.told.map(|plan| (plan, "Scale read from the world file.".to_owned()));
-                let scaled = world_file
+                let scaled = on_map
+                    .or(world_file)
                     .or_else(|| self.kept_scale(&still))
                     .or_else(|| plan_from_drawing(drawing.as_ref()?));
                 let notes = drawing.map(|drawing| drawing.notes.join(" ")).unwrap_or_default();
@@ -195,6 +201,7 @@ impl App {
             },
             drawn,
             drawing: decoded.drawing,
+            position: ImagePosition::from_geotiff(bytes),
         })
     }
 

@@ -7,3 +7,4 @@ pub mod placement;
 pub mod agreement;
 pub(crate) mod planes;
 pub(crate) mod distances;
+pub(crate) mod ground_points;

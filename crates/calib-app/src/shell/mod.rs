@@ -14,7 +14,7 @@ use egui::{CentralPanel, Frame, Margin, Panel, ScrollArea, Ui};
 
 use crate::annotate::{annotations, lens, links, result, steps};
 use crate::files::{outside, start};
-use crate::plan::{agreement, distances, placement, planes};
+use crate::plan::{agreement, distances, ground_points, placement, planes};
 use crate::state::{App, Mode};
 use crate::widgets::{NARROW, PHONE, section};
 use crate::{compare, export, propose, theme};
@@ -113,6 +113,18 @@ fn are_marks_edited(app: &App) -> bool {
         || app.editor.session().selection.iter().any(is_mark)
 }
 
+/// Whether the control point tool is active, or a control point is selected.
+fn are_points_edited(app: &App) -> bool {
+    TOOLS.get(app.editor.tool_row()).is_some_and(|tool| tool.icon == Icon::Control)
+        || app.editor.session().selection.iter().any(|part| matches!(part, Part::Control(_)))
+}
+
+/// Shows the control points of the current camera, and the points that wait for a click.
+fn points_ui(app: &mut App, ui: &mut Ui) {
+    section(ui, |ui| distances::controls(app, ui));
+    section(ui, |ui| ground_points::ground_points_ui(app, ui));
+}
+
 fn right(app: &mut App, ui: &mut Ui) {
     warnings::error(app, ui);
     if app.editor.session().entry().is_none() {
@@ -131,6 +143,9 @@ fn right(app: &mut App, ui: &mut Ui) {
             Mode::Image => {
                 if are_marks_edited(app) {
                     section(ui, |ui| links::marks_ui(app, ui));
+                }
+                if are_points_edited(app) {
+                    points_ui(app, ui);
                 }
                 // Fields come before notices that appear and disappear, so that they stay under the pointer
                 // while typing.
@@ -152,7 +167,7 @@ fn right(app: &mut App, ui: &mut Ui) {
                 section(ui, |ui| warnings::warnings_ui(app, ui));
                 section(ui, |ui| placement::plan(app, ui));
                 section(ui, |ui| planes::planes_ui(app, ui));
-                section(ui, |ui| distances::controls(app, ui));
+                points_ui(app, ui);
             }
             Mode::All | Mode::Scene => {
                 section(ui, |ui| warnings::health_ui(app, ui));

@@ -1,10 +1,10 @@
 //! Status line (next click, pointer position, duration of the solve) and the strip of tools.
 
 use calib_core::floor::SurfacePoint;
-use calib_core::{Pixel, SurfaceProjector};
+use calib_core::{Pixel, SurfaceProjector, WorldPoint};
 use calib_editor::{Action, Pane, TOOLS, plan_scale};
 use calib_image::Confidence;
-use calib_site::counted;
+use calib_site::{Stage, counted};
 use egui::{Align, Align2, Layout, RichText, Ui, Vec2};
 
 use crate::icons::{self, Icon, Look};
@@ -168,6 +168,7 @@ fn pointer_position(app: &App, ui: &mut Ui) {
             }
             ui.label(strong(app.editor.session().site.units.point(at, 2)));
             ui.label(RichText::new("floor").color(palette.text2));
+            map_position(app, ui, WorldPoint::new(at[0], at[1], 0.0));
         }
     }
 }
@@ -199,6 +200,20 @@ fn floor(app: &App, ui: &mut Ui, (camera, pose): (usize, &calib_core::Camera), a
     ui.label(strong(format!("{x}, {y} {symbol}")));
     let plane = surface.and_then(|index| session.site.planes.get(index));
     ui.label(RichText::new(plane.map_or("floor", |plane| &plane.id)).color(palette.text2));
+    let is_on_plan = session.solved.solution(camera).is_some_and(|solution| solution.stage > Stage::Partial);
+    if is_scaled && is_on_plan {
+        map_position(app, ui, point);
+    }
+}
+
+/// Shows the latitude and longitude of a point of the site, if the site has a georeference.
+fn map_position(app: &App, ui: &mut Ui, point: WorldPoint) {
+    let Some(georeference) = app.editor.session().georeference() else { return };
+    let at = georeference.tangent_plane().to_geographic(point);
+    ui.add_space(12.0);
+    // Seven digits are 1 cm.
+    let text = format!("{:.7}, {:.7}", at.latitude.to_degrees(), at.longitude.to_degrees());
+    ui.label(RichText::new(text).color(theme::palette(ui.ctx()).text2));
 }
 
 /// Titles of the tools that are followed by a gap in the strip.

@@ -172,6 +172,8 @@ pub struct App {
     pub tour: Tour,
     /// Ids of the links or marks between which the next distance is measured.
     pub pair: [String; 2],
+    /// Text of the field for the coordinates of a new ground point.
+    pub typed_point: String,
     /// Clock in seconds since 1970, for the age of calibrations.
     pub clock: fn() -> u64,
     /// View of the document: mode, canvases, layers and switches.
@@ -221,6 +223,7 @@ impl App {
             edges: Edges::default(),
             tour: Tour::default(),
             pair: Default::default(),
+            typed_point: String::new(),
             clock: || SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()),
             view: ViewState::default(),
             hover: Hover::default(),

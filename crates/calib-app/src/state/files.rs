@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use calib_editor::NewImage;
-use calib_plan::DrawingFacts;
+use calib_plan::{DrawingFacts, ImagePosition};
 use calib_site::Plan;
 
 use crate::choice::Purpose;
@@ -69,6 +69,8 @@ pub(crate) struct ReadPicture {
     pub(crate) drawn: Option<Vec<u8>>,
     /// Properties of a drawing; `None` for other images.
     pub(crate) drawing: Option<DrawingFacts>,
+    /// Position of a georeferenced image on the map.
+    pub(crate) position: Option<ImagePosition>,
     /// Time at which the image was taken (RFC 3339), from its name or its EXIF data.
     pub(crate) taken: Option<String>,
 }

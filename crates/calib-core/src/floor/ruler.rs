@@ -8,6 +8,8 @@
 //! respect to the parameters of camera a, and `C_ab` is the covariance between the parameters of the cameras a
 //! and b. Errors of one camera move all its points together, so they mostly cancel in a short length.
 
+use nalgebra::DMatrix;
+
 use crate::camera::{Camera, Covariance, FloorPoint, Pixel, WorldPoint, dot};
 use crate::floor::pixel_density::covariance_product;
 
@@ -127,6 +129,48 @@ impl Ruler<'_> {
         let (top, bottom) = (image(measured.value)?, image(0.0)?);
         let most = MAX_LEAN * top.distance(bottom) + MAX_SIGMAS * foot.sigma.hypot(head.sigma);
         (top.distance(head.pixel) <= most).then_some(measured)
+    }
+
+    /// Returns the floor positions of the points and their joint covariance (x and y of the first point, then of
+    /// the next), in metres. Returns `None` if a pixel does not show a point at its height.
+    ///
+    /// Unknown errors of a camera's placement by hand are not contained: the positions are those on the plan as
+    /// drawn.
+    #[must_use]
+    pub fn positions(&self, points: &[RulerPoint]) -> Option<(Vec<FloorPoint>, DMatrix<f64>)> {
+        let mut positions = Vec::new();
+        // For each coordinate of each point: its camera, and its derivatives with respect to the camera.
+        let mut gradients: Vec<(usize, [f64; Covariance::SIZE])> = Vec::new();
+        let mut covariance = DMatrix::zeros(2 * points.len(), 2 * points.len());
+        for (i, point) in points.iter().enumerate() {
+            let camera = &self.cameras[point.camera];
+            positions.push(world_point(self.cameras, point)?.on_floor());
+            for axis in 0..2 {
+                let coordinate = |camera: &Camera| {
+                    let floor = camera.pixel_to_floor(point.pixel, point.height)?;
+                    Some([floor.x, floor.y][axis])
+                };
+                let mut gradient = camera.gradient_of(coordinate)?;
+                for (k, by) in gradient.iter_mut().enumerate() {
+                    if camera.covariance.sigma(k).is_none() {
+                        *by = 0.0;
+                    }
+                }
+                gradients.push((point.camera, gradient));
+            }
+            let own = camera.plane_covariance(point.pixel, point.sigma, point.height)?.pixel;
+            (0..2).for_each(|a| (0..2).for_each(|b| covariance[(2 * i + a, 2 * i + b)] = own[a][b]));
+        }
+        for (i, (a, by_a)) in gradients.iter().enumerate() {
+            for (j, (b, by_b)) in gradients.iter().enumerate() {
+                covariance[(i, j)] += if a == b {
+                    covariance_product(by_a, &self.cameras[*a].covariance.0, by_b)
+                } else {
+                    covariance_product(by_a, &(self.covariance_between)(*a, *b)?, by_b)
+                };
+            }
+        }
+        Some((positions, covariance))
     }
 
     /// Computes a quantity and propagates the errors of the pixels and of the cameras to it.

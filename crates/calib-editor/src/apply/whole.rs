@@ -4,14 +4,14 @@
 
 use std::path::PathBuf;
 
-use calib_site::{ControlPointEntry, Distance, Link, Mark, Site, SiteCamera, counted};
+use calib_site::{ControlPointEntry, Distance, GroundPoint, Link, Mark, Site, SiteCamera, counted};
 
 use crate::action::Opened;
 use crate::editor::Editor;
 use crate::images::images_mut;
 use crate::import;
 use crate::session::Session;
-use crate::tools::{is_on_pins, move_to_pins};
+use crate::tools::{is_on_pins, move_to_pins, tool_index};
 
 impl Editor {
     pub(super) fn set_control(&mut self, index: usize, point: ControlPointEntry) {
@@ -21,6 +21,32 @@ impl Editor {
             *own = point;
         }
         self.session.commit(format!("change {name}"));
+    }
+
+    pub(super) fn choose_ground_point(&mut self, id: Option<String>) {
+        if id.is_some() {
+            self.select_tool(tool_index("Control point"));
+        }
+        self.session.tool.ground_point = id;
+    }
+
+    pub(super) fn set_ground_point(&mut self, point: GroundPoint) {
+        self.cancel();
+        let id = point.id.clone();
+        let points = &mut self.session.site.ground_points;
+        match points.iter_mut().find(|own| own.id == id) {
+            Some(own) => *own = point,
+            None => points.push(point),
+        }
+        self.session.commit(format!("change {id}"));
+        self.choose_ground_point(Some(id));
+    }
+
+    pub(super) fn remove_ground_point(&mut self, id: &str) {
+        self.cancel();
+        self.session.site.ground_points.retain(|point| point.id != id);
+        self.session.tool.ground_point = None;
+        self.session.commit(format!("remove {id}"));
     }
 
     pub(super) fn set_link(&mut self, index: usize, link: Link) {
@@ -116,6 +142,7 @@ impl Editor {
     pub(super) fn import(&mut self, site: Site, notes: &[String]) {
         let is_alone = site.cameras.len() == 1;
         let (mut lenses, mut added) = (0, 0);
+        let points = self.import_ground_points(site.ground_points);
         for camera in site.cameras {
             match self.import_camera(camera, is_alone) {
                 Ok(true) => added += 1,
@@ -127,6 +154,13 @@ impl Editor {
                 }
             }
         }
+        let notes = if notes.is_empty() { String::new() } else { format!(" {}.", notes.join("; ")) };
+        if points > 0 && lenses + added == 0 {
+            let points = counted(points, "point", "points");
+            self.session.commit(format!("import {points}"));
+            self.session.note = Some(format!("Imported: {points}.{notes}"));
+            return;
+        }
         let [lenses_in_words, added_in_words] =
             [counted(lenses, "lens", "lenses"), counted(added, "camera", "cameras")];
         self.session.commit(match (lenses, added) {
@@ -134,8 +168,19 @@ impl Editor {
             (0, _) => format!("import {added_in_words}"),
             _ => format!("import {lenses_in_words} and {added_in_words}"),
         });
-        let notes = if notes.is_empty() { String::new() } else { format!(" {}.", notes.join("; ")) };
         self.session.note = Some(format!("Imported: {lenses_in_words}. Added: {added_in_words}.{notes}"));
+    }
+
+    /// Adds ground points, or replaces those of the same id; returns their number.
+    fn import_ground_points(&mut self, points: Vec<GroundPoint>) -> usize {
+        let count = points.len();
+        for point in points {
+            match self.session.site.ground_points.iter_mut().find(|own| own.id == point.id) {
+                Some(own) => *own = point,
+                None => self.session.site.ground_points.push(point),
+            }
+        }
+        count
     }
 
     /// Imports a camera. If the camera exists in the site, only its lens is imported. Returns whether a

@@ -1,7 +1,7 @@
 //! Control point tool: a click on an image, then a click on the corresponding position on the plan.
 
 use calib_core::{FloorPoint, Pixel};
-use calib_site::ControlPointEntry;
+use calib_site::{ControlPointEntry, GroundPoint};
 
 use crate::hit::Part;
 use crate::session::Session;
@@ -43,12 +43,39 @@ impl Control {
     }
 }
 
+/// Returns the ground point that the next click marks.
+fn chosen_ground_point(session: &Session) -> Option<&GroundPoint> {
+    let id = session.tool.ground_point.as_ref()?;
+    session.site.ground_points.iter().find(|point| point.id == *id)
+}
+
+/// Adds the click on a ground point to a camera, or moves the earlier click on this point.
+fn add_ground_point(session: &mut Session, camera: usize, clicked: ControlPointEntry) {
+    let name = clicked.id.clone().unwrap_or_default();
+    let Some(entry) = session.site.cameras.get_mut(camera) else { return };
+    let points = &mut entry.control_points;
+    let index = points.iter().position(|own| own.id == clicked.id).unwrap_or(points.len());
+    match points.get_mut(index) {
+        Some(own) => *own = clicked,
+        None => points.push(clicked),
+    }
+    session.select_only(camera, Part::Control(index));
+    session.commit(format!("click {name}"));
+}
+
 impl Tool for Control {
     fn pointer(&mut self, session: &mut Session, pointer: &Pointer) {
         match (pointer.pane, pointer.phase) {
             (Pane::Image(camera), Phase::Press | Phase::Drag | Phase::Release) => {
                 session.select_camera(camera);
                 let sigma = pointer.sigma_px(session, camera);
+                if let Some(point) = chosen_ground_point(session).cloned() {
+                    if pointer.phase == Phase::Release {
+                        let clicked = ControlPointEntry::at_ground_point(&point, pointer.at.into());
+                        add_ground_point(session, camera, ControlPointEntry { sigma_px: sigma, ..clicked });
+                    }
+                    return;
+                }
                 self.pending = Some((camera, pointer.at.into(), sigma));
             }
             (Pane::Plan, Phase::Release) => self.finish(session, pointer.at.into()),
@@ -75,7 +102,10 @@ impl Tool for Control {
         self.pending.is_none()
     }
 
-    fn hint(&self, _: &Session) -> String {
+    fn hint(&self, session: &Session) -> String {
+        if let Some(point) = chosen_ground_point(session) {
+            return format!("Click {} in each image that shows it.", point.id);
+        }
         match self.pending {
             None => "Click a point whose position you know.".into(),
             Some(_) => "Click the same point on the plan.  Enter: type its coordinates instead".into(),

@@ -189,7 +189,7 @@ class Site:
         at_unit: Literal["s", "ms", "us", "ns"] | None = None, to: Literal["floor", "pixel"] = "floor",
         columns: Literal["auto", "points", "boxes"] = "auto",
         box_form: Literal["xyxy", "xywh", "cxcywh", "yolo"] | None = None, height: float = 0.0,
-        sigma_px: float | None = None, geographic: bool = False,
+        sigma_px: float | None = None, geographic: bool = False, crs: str | None = None,
         replace: bool = False, bad_rows: Literal["fail", "status"] = "fail", origin: Origin | None = None,
         stream_size: Size | None = None, fit: Fit | None = None, crop: Crop | None = None,
     ) -> ArrowStream: ...

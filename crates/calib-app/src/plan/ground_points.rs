@@ -1,0 +1,117 @@
+//! Panel of ground points: points with known coordinates that wait for a click in an image.
+
+use calib_editor::Action;
+use calib_site::{GroundPoint, Site, typed_degrees};
+use egui::{DragValue, RichText, TextEdit, Ui, Vec2};
+
+use crate::icons::{self, Icon, Look};
+use crate::state::App;
+use crate::theme;
+use crate::widgets::heading;
+
+/// Standard deviation of a typed position, in metres: the accuracy of a phone.
+const TYPED_SIGMA_M: f64 = 4.0;
+
+/// Shows the ground points with the cameras in which they are clicked, and a field for a new one.
+pub(crate) fn ground_points_ui(app: &mut App, ui: &mut Ui) {
+    let points = app.editor.session().site.ground_points.clone();
+    heading(ui, "Points to click", if points.is_empty() { "" } else { "clicked in" });
+    for point in &points {
+        point_row(app, ui, point);
+    }
+    new_point(app, ui);
+}
+
+/// Shows a ground point: its id, the cameras in which it is clicked, and, if it is chosen, its coordinates.
+fn point_row(app: &mut App, ui: &mut Ui, point: &GroundPoint) {
+    let palette = theme::palette(ui.ctx());
+    let is_chosen = app.editor.session().tool.ground_point.as_ref() == Some(&point.id);
+    let cameras = cameras_with(&app.editor.session().site, &point.id);
+    let mut sent = None;
+    ui.horizontal(|ui| {
+        let title = RichText::new(&point.id).font(theme::medium(12.0));
+        let label = ui.selectable_label(is_chosen, title);
+        let about = point.name.as_deref().unwrap_or("Choose this point, then click it in the images");
+        if label.on_hover_text(about).clicked() {
+            sent = Some(Action::ChooseGroundPoint((!is_chosen).then(|| point.id.clone())));
+        }
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            let text = if cameras.is_empty() { "\u{2014}".into() } else { cameras.join(", ") };
+            ui.add(egui::Label::new(text).truncate());
+        });
+    });
+    if is_chosen {
+        ui.horizontal(|ui| {
+            let label = ui.label(RichText::new(coordinates(point)).color(palette.text2));
+            let mut sigma = point.sigma_m.unwrap_or_default();
+            let field =
+                DragValue::new(&mut sigma).prefix("\u{b1} ").suffix(" m").range(0.001..=1000.0).speed(0.01);
+            let field = ui.add(field.max_decimals(3).update_while_editing(false)).labelled_by(label.id);
+            if field.on_hover_text("Accuracy: 4 for a phone, 0.5 for an aerial image, 0.02 for RTK").changed()
+            {
+                sent = Some(Action::SetGroundPoint(Box::new(GroundPoint {
+                    sigma_m: Some(sigma),
+                    ..point.clone()
+                })));
+            }
+            let look = Look { size: Vec2::splat(18.0), ..Look::default() };
+            if icons::button(ui, Icon::Close, &format!("Remove point {}", point.id), "", look).clicked() {
+                sent = Some(Action::RemoveGroundPoint(point.id.clone()));
+            }
+        });
+    }
+    if let Some(action) = sent {
+        app.send(action);
+    }
+}
+
+/// Shows the field for the coordinates of a new ground point.
+fn new_point(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let label = ui.label(RichText::new("Latitude, longitude").color(palette.text2));
+    let mut text = std::mem::take(&mut app.typed_point);
+    let field =
+        TextEdit::singleline(&mut text).hint_text("48.137154, 11.576124").desired_width(f32::INFINITY);
+    let field = ui.add(field).labelled_by(label.id);
+    let is_entered = field.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
+    match typed_degrees(&text) {
+        Some([lat, lon]) if is_entered => {
+            let is_used =
+                |id: &String| app.editor.session().site.ground_points.iter().any(|own| own.id == *id);
+            let id = (1..).map(|number| format!("G{number}")).find(|id| !is_used(id)).unwrap_or_default();
+            let (lat_deg, lon_deg) = (Some(lat), Some(lon));
+            let point =
+                GroundPoint { id, lat_deg, lon_deg, sigma_m: Some(TYPED_SIGMA_M), ..GroundPoint::default() };
+            app.send(Action::SetGroundPoint(Box::new(point)));
+            text.clear();
+        }
+        None if !text.trim().is_empty() && !field.has_focus() => {
+            let message = "Type latitude and longitude in degrees, such as 48.137154, 11.576124.";
+            ui.label(RichText::new(message).small().color(palette.warn));
+        }
+        _ if text.is_empty() => {
+            let message = "Type coordinates and press Enter, or drop a GPX, KML, GeoJSON or CSV file.";
+            ui.label(RichText::new(message).small().color(palette.text3));
+        }
+        _ => {}
+    }
+    app.typed_point = text;
+}
+
+/// Returns the ids of the cameras in which a ground point is clicked.
+fn cameras_with<'a>(site: &'a Site, id: &str) -> Vec<&'a str> {
+    let has_point = |camera: &&calib_site::SiteCamera| {
+        camera.control_points.iter().any(|point| point.id.as_deref() == Some(id))
+    };
+    site.cameras.iter().filter(has_point).map(|camera| camera.id.as_str()).collect()
+}
+
+/// Returns the coordinates of a ground point as text.
+fn coordinates(point: &GroundPoint) -> String {
+    match (point.lat_deg.zip(point.lon_deg), point.crs_m, point.world_m) {
+        (Some((lat, lon)), ..) => format!("{lat:.7}, {lon:.7}"),
+        (_, Some([east, north]), _) => format!("{east:.2}, {north:.2}"),
+        (_, _, Some(world)) => format!("{:.2}, {:.2}, {:.2} m", world.x, world.y, world.z),
+        _ => String::new(),
+    }
+}

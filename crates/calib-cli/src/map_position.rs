@@ -1,0 +1,120 @@
+//! Position of a plan on the map: from the tags of a `GeoTIFF`, a world file beside the image, or a ground overlay.
+
+use std::path::{Path, PathBuf};
+
+use calib_plan::{ImagePosition, KmlOverlay, MapSystem, system_of_wkt};
+use calib_site::{CoordinateSystem, MAX_BYTES, MapPosition};
+
+use crate::files::print_message;
+use crate::stop::CommandError;
+
+/// Largest size of a world file, or of the description of its coordinate system, in bytes.
+const MAX_TEXT_BYTES: u64 = 1 << 20;
+
+/// Image of a plan, with its position on the map if the files state it.
+pub(crate) struct PlanFile {
+    pub(crate) path: PathBuf,
+    pub(crate) bytes: Vec<u8>,
+    /// Position, and the file that states it.
+    position: Option<(ImagePosition, String)>,
+    /// Ground overlay, whose position depends on the size of the image.
+    overlay: Option<String>,
+}
+
+impl PlanFile {
+    /// Reads an image, or the image of a ground overlay (KML).
+    pub(crate) fn read(file: &str) -> Result<Self, CommandError> {
+        let path = Path::new(file);
+        let bytes = read(path, MAX_BYTES as u64)?;
+        if has_ending(path, "kmz") {
+            return Err(CommandError::invalid(
+                file,
+                "this is a KMZ archive; unzip it, and open the KML file in it",
+            ));
+        }
+        if !has_ending(path, "kml") {
+            let position = ImagePosition::from_geotiff(&bytes).map(|position| (position, file.to_owned()));
+            let position = position.map_or_else(|| beside(path), |found| Ok(Some(found)))?;
+            return Ok(Self { path: path.to_owned(), bytes, position, overlay: None });
+        }
+        let text = String::from_utf8(bytes).map_err(|_| CommandError::invalid(file, "not UTF-8 text"))?;
+        let Some(overlay) = KmlOverlay::read(&text) else {
+            let what = "no ground overlay; for points, use `calib import kml`";
+            return Err(CommandError::invalid(file, what));
+        };
+        if overlay.image.contains("://") {
+            let what = format!("the image {} is on a server; save it beside the KML file", overlay.image);
+            return Err(CommandError::invalid(file, what));
+        }
+        let image = path.with_file_name(&overlay.image);
+        let bytes = read(&image, MAX_BYTES as u64)?;
+        Ok(Self { path: image, bytes, position: None, overlay: Some(text) })
+    }
+
+    /// Returns the position of the image of this size, in pixels. `crs` is the grid of a file that states none.
+    pub(crate) fn position(
+        &self,
+        size: [u32; 2],
+        crs: Option<&CoordinateSystem>,
+    ) -> Result<Option<MapPosition>, CommandError> {
+        let of_overlay = || ImagePosition::from_kml(self.overlay.as_ref()?, size.map(f64::from));
+        let (found, from) = match &self.position {
+            Some((found, from)) => (*found, from.as_str()),
+            None => match of_overlay() {
+                Some(found) => (found, "the ground overlay"),
+                None => return Ok(None),
+            },
+        };
+        let system = match (found.system, crs) {
+            (MapSystem::Degrees, _) => None,
+            (_, Some(crs)) => Some(crs.clone()),
+            (MapSystem::Projected(code), None) => {
+                let name = format!("EPSG:{code}");
+                Some(CoordinateSystem::new(&name).map_err(|error| {
+                    CommandError::invalid(
+                        from,
+                        format!("found the grid {name}, expected {error}; or add --crs"),
+                    )
+                })?)
+            }
+            (MapSystem::Unknown, None) => {
+                print_message(format_args!(
+                    "calib: {from}: states a position without its grid; add --crs EPSG:CODE to use it"
+                ));
+                return Ok(None);
+            }
+        };
+        Ok(Some(MapPosition { transform: found.transform, system }))
+    }
+}
+
+/// Reads the world file beside an image, with the coordinate system of its `.prj` file.
+fn beside(image: &Path) -> Result<Option<(ImagePosition, String)>, CommandError> {
+    let ending = image.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    // Usual endings: the first and last letter of the image's ending and a w; the ending with a w; and wld.
+    let letters: Vec<char> = ending.chars().collect();
+    let short = letters.first().zip(letters.last()).map(|(first, last)| format!("{first}{last}w"));
+    let endings = short.into_iter().chain([format!("{ending}w"), "wld".into()]);
+    let Some(path) = endings.map(|ending| image.with_extension(ending)).find(|path| path.is_file()) else {
+        return Ok(None);
+    };
+    let text = String::from_utf8_lossy(&read(&path, MAX_TEXT_BYTES)?).into_owned();
+    let prj = image.with_extension("prj");
+    let system = match prj.is_file() {
+        true => system_of_wkt(&String::from_utf8_lossy(&read(&prj, MAX_TEXT_BYTES)?)),
+        false => MapSystem::Unknown,
+    };
+    let name = path.display().to_string();
+    let found = ImagePosition::from_world_file(&text, system);
+    found
+        .map(|found| Some((found, name.clone())))
+        .ok_or_else(|| CommandError::invalid(name, "expected the six numbers of a world file"))
+}
+
+fn has_ending(path: &Path, ending: &str) -> bool {
+    path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending))
+}
+
+fn read(path: &Path, most: u64) -> Result<Vec<u8>, CommandError> {
+    calib_input::read(path, most).map_err(|error| CommandError::invalid(path.display(), error))
+}

@@ -1,0 +1,158 @@
+//! Checks of geographic coordinates: the coordinate system of the site, and the surveyed positions of control
+//! points and links.
+
+use std::collections::HashSet;
+
+use calib_core::floor::{Geographic, TangentPlane};
+
+use crate::bounds::{At, Bounds, Checked, MAX_ITEMS, count, id, name, optional};
+use crate::coordinate_system::CoordinateSystem;
+use crate::document::Site;
+use crate::geographic::SurveyedPosition;
+use crate::site_error::quoted;
+
+/// Largest number of control points and links with geographic coordinates. Each is compared with all others.
+const MAX_GEOGRAPHIC_POINTS: usize = 2_000;
+
+/// Checks the coordinate system of the site, and the number of its geographic points.
+pub(crate) fn check_coordinate_system(root: &At, site: &Site) -> Checked {
+    if let Some(name) = &site.crs
+        && let Err(error) = CoordinateSystem::new(name)
+    {
+        return root.key("crs").expected(quoted(name), error);
+    }
+    let count = site.surveyed_positions();
+    if count > MAX_GEOGRAPHIC_POINTS {
+        let found = format!("{count} control points and links with geographic coordinates");
+        return root.key("cameras").expected(found, format!("at most {MAX_GEOGRAPHIC_POINTS}"));
+    }
+    Ok(())
+}
+
+/// Checks the ground points. Their ids are unique, and their coordinates are given in one way.
+pub(crate) fn check_ground_points(root: &At, site: &Site) -> Checked {
+    let list = root.key("ground_points");
+    count(&list, site.ground_points.len(), MAX_ITEMS)?;
+    let mut ids = HashSet::new();
+    for (i, point) in site.ground_points.iter().enumerate() {
+        let at = list.index(i);
+        id(&at.key("id"), Some(&point.id))?;
+        name(&at.key("name"), point.name.as_ref())?;
+        if !ids.insert(point.id.as_str()) {
+            return at.key("id").expected(quoted(&point.id), "an id that no other ground point has");
+        }
+        optional(&at.key("height_m"), point.height_m, Bounds::COORDINATE)?;
+        optional(&at.key("alt_m"), point.alt_m, Bounds::COORDINATE)?;
+        optional(&at.key("sigma_m"), point.sigma_m, Bounds::POSITIVE)?;
+        let position = SurveyedPosition::of_ground_point(point);
+        match point.world_m {
+            Some(world) => Bounds::COORDINATE.check_all(&at.key("world_m"), &<[f64; 3]>::from(world))?,
+            None if position.is_entered() => {}
+            None => {
+                let expected = "\"world_m\", or \"lat_deg\" and \"lon_deg\", or \"crs_m\"";
+                return at.expected("no coordinates", expected);
+            }
+        }
+        if position.is_entered() {
+            check_position(&at, &position, site)?;
+        }
+    }
+    Ok(())
+}
+
+/// Checks the surveyed position of a control point or link.
+pub(crate) fn check_geographic(
+    at: &At,
+    position: &SurveyedPosition,
+    has_site_coordinates: bool,
+    site: &Site,
+) -> Checked {
+    if !position.is_entered() {
+        return match position.alt_m {
+            Some(_) => {
+                let expected = "\"lat_deg\" and \"lon_deg\", or \"crs_m\", too";
+                at.key("alt_m").expected("\"alt_m\" alone", expected)
+            }
+            None => Ok(()),
+        };
+    }
+    check_position(at, position, site)?;
+    optional(&at.key("alt_m"), position.alt_m, Bounds::COORDINATE)?;
+    if position.sigma_m.is_none() {
+        let expected = "the accuracy of the position in metres, for example 4 for a phone, 0.5 for an aerial image, \
+                        0.02 for RTK";
+        return at.key("sigma_m").expected("no \"sigma_m\"", expected);
+    }
+    if position.alt_m.is_some() {
+        if position.height_m.is_some() {
+            return at.expected("both \"alt_m\" and \"height_m\"", "only one of them");
+        }
+        let is_floor_known = site.known_georeference().is_some_and(|found| found.alt_m.is_some());
+        if !has_site_coordinates && !is_floor_known {
+            let expected = "\"height_m\" above the floor, or \"alt_m\" of the floor in the georeference";
+            return at.key("alt_m").expected("\"alt_m\", but the altitude of the floor is unknown", expected);
+        }
+    }
+    let system = site.coordinate_system();
+    position.geographic(system.as_ref()).map_or(Ok(()), |point| check_distance(at, point, site))
+}
+
+/// Checks that the coordinates of a surveyed position are complete.
+fn check_position(at: &At, position: &SurveyedPosition, site: &Site) -> Checked {
+    if let Some(grid) = position.crs_m {
+        let at = at.key("crs_m");
+        Bounds::COORDINATE.check_all(&at, &grid)?;
+        if position.lat_deg.is_some() || position.lon_deg.is_some() {
+            return at.expected("both \"crs_m\" and \"lat_deg\" or \"lon_deg\"", "only one of them");
+        }
+        let system = site.coordinate_system();
+        if system.is_none() {
+            let expected = "the grid of the site, such as \"crs\": \"EPSG:25832\"";
+            return at.expected("\"crs_m\" in a site without \"crs\"", expected);
+        }
+        if position.geographic(system.as_ref()).is_none() {
+            let expected = "east and north of a point within the grid; they may be exchanged";
+            return at.expected(format!("{}, {}", grid[0], grid[1]), expected);
+        }
+        return Ok(());
+    }
+    let (Some(lat_deg), Some(lon_deg)) = (position.lat_deg, position.lon_deg) else {
+        return at.expected("only one of \"lat_deg\" and \"lon_deg\"", "both of them");
+    };
+    Bounds::PITCH.check(&at.key("lat_deg"), lat_deg)?;
+    Bounds::DEGREES.check(&at.key("lon_deg"), lon_deg)
+}
+
+/// Checks that a geographic point is near the site. Names exchanged coordinates and a missing minus.
+fn check_distance(at: &At, point: Geographic, site: &Site) -> Checked {
+    /// Largest distance of a point from the site, in metres.
+    const MAX_DISTANCE_M: f64 = 50e3;
+    let Some(reference) = site.geographic_reference() else { return Ok(()) };
+    let plane = TangentPlane::new(reference, 0.0);
+    let distance = |latitude: f64, longitude: f64| {
+        let world = plane.to_world(Geographic { latitude, longitude, ..reference });
+        world.x.hypot(world.y).hypot(world.z)
+    };
+    let Geographic { latitude: lat, longitude: lon, .. } = point;
+    let own = distance(lat, lon);
+    if own <= MAX_DISTANCE_M {
+        return Ok(());
+    }
+    let others = [
+        (
+            distance(lon, lat),
+            "a point near the first point; latitude and longitude seem to be exchanged, here or in the first point",
+        ),
+        (
+            distance(lat, -lon),
+            "a point near the first point; the longitude seems to have the wrong sign, here or in the first point",
+        ),
+        (
+            distance(-lat, lon),
+            "a point near the first point; the latitude seems to have the wrong sign, here or in the first point",
+        ),
+    ];
+    let cause = others.iter().find(|(other, _)| *other <= MAX_DISTANCE_M).map(|(_, cause)| *cause);
+    let found = format!("a point {:.0} km from the site", own / 1e3);
+    at.expected(found, cause.unwrap_or("a point within 50 km of the first point, or of the georeference"))
+}

@@ -1,0 +1,234 @@
+//! Georeferenced plan: an image whose position on the map is known, such as an orthophoto.
+//!
+//! The position is an affine map from plan pixels to grid coordinates or degrees. A plan of the site has square
+//! pixels of one size in metres on the ground. The map from pixels to the tangent plane is therefore approximated
+//! by a similarity, and an image that it does not fit is refused.
+
+use std::fmt;
+
+use calib_core::PlanPixel;
+use calib_core::floor::{Geographic, TangentPlane};
+
+use crate::coordinate_system::CoordinateSystem;
+use crate::document::{Georeference, Plan, Site};
+
+/// Position of an image on the map.
+#[derive(Clone, Debug)]
+pub struct MapPosition {
+    /// Affine map from pixels (from the corner of the image, to the right and down) to coordinates: east and
+    /// north in the grid, or longitude and latitude in degrees. Each row is for one coordinate: factors of x and
+    /// y, and the value at the corner.
+    pub transform: [[f64; 3]; 2],
+    /// Grid of the coordinates; `None` for longitude and latitude.
+    pub system: Option<CoordinateSystem>,
+}
+
+/// Reason why a georeferenced image cannot be the plan of the site.
+#[derive(Clone, Debug, PartialEq)]
+pub enum MapPlanError {
+    /// A corner of the image is outside the grid.
+    OutsideGrid,
+    /// The pixels are not square on the ground: their width and height, in metres.
+    NotSquare {
+        /// Width and height of a pixel, in metres.
+        pixel_m: [f64; 2],
+    },
+    /// The image is sheared, mirrored or too large for one scale: the largest error, in pixels.
+    NotSimilar {
+        /// Largest error of a corner, in pixels.
+        error_px: f64,
+    },
+    /// The image is far from the site.
+    FarFromSite {
+        /// Distance of the centre of the image from world (0, 0), in metres.
+        distance_m: f64,
+    },
+}
+
+impl fmt::Display for MapPlanError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::OutsideGrid => f.write_str("a corner of the image is outside the grid; check the grid"),
+            Self::NotSquare { pixel_m: [w, h] } => write!(
+                f,
+                "a pixel is {w:.3} m wide and {h:.3} m high on the ground, and a plan needs square pixels; save the \
+                 image in a projected grid, such as UTM"
+            ),
+            Self::NotSimilar { error_px } => write!(
+                f,
+                "the image is mirrored, sheared or too large for one scale (error {error_px:.1} px); save a smaller \
+                 part, with north or a side up"
+            ),
+            Self::FarFromSite { distance_m } => write!(
+                f,
+                "the image is {:.0} km from the site; check the georeference of both",
+                distance_m / 1e3
+            ),
+        }
+    }
+}
+
+impl std::error::Error for MapPlanError {}
+
+impl MapPosition {
+    /// Returns the geographic coordinates of a pixel; `None` outside the grid.
+    fn geographic(&self, [x, y]: [f64; 2]) -> Option<Geographic> {
+        let [a, b] = self.transform.map(|[by_x, by_y, start]| by_x * x + by_y * y + start);
+        match &self.system {
+            Some(system) => system.to_geographic([a, b]),
+            None => (b.abs() <= 90.0 && a.abs() <= 360.0).then(|| Geographic {
+                latitude: b.to_radians(),
+                longitude: a.to_radians(),
+                height: 0.0,
+            }),
+        }
+    }
+}
+
+impl Site {
+    /// Returns the plan of an image of known position, with its scale, origin, rotation and georeference. World
+    /// coordinates stay as they are if the site has a georeference. Otherwise world (0, 0) is the lower left
+    /// corner of the image, and +x points to its right.
+    ///
+    /// # Errors
+    /// If the pixels of the image are not square on the ground, or if the image is far from the site.
+    pub fn plan_on_map(
+        &self,
+        image: Option<String>,
+        size: [u32; 2],
+        position: &MapPosition,
+    ) -> Result<Plan, MapPlanError> {
+        /// Largest error of the similarity, in pixels. Larger errors are visible when edges are traced.
+        const MAX_ERROR_PX: f64 = 1.0;
+        /// Largest relative difference of the width and height of a pixel.
+        const MAX_STRETCH: f64 = 0.01;
+        /// Largest distance of the image from the site, in metres.
+        const MAX_DISTANCE_M: f64 = 50e3;
+        let [width, height] = size.map(f64::from);
+        let at = |pixel: [f64; 2]| position.geographic(pixel).ok_or(MapPlanError::OutsideGrid);
+        let known = self.known_georeference();
+        let georeference = match &known {
+            Some(known) => known.clone(),
+            None => {
+                let corner = at([0.0, height])?;
+                let to_right =
+                    TangentPlane::new(corner, std::f64::consts::FRAC_PI_2).to_world(at([width, height])?);
+                Georeference {
+                    lat_deg: corner.latitude.to_degrees(),
+                    lon_deg: corner.longitude.to_degrees(),
+                    x_axis_azimuth_deg: to_right.x.atan2(to_right.y).to_degrees().rem_euclid(360.0),
+                    alt_m: None,
+                }
+            }
+        };
+        let plane = georeference.tangent_plane();
+        let floor = georeference.alt_m.unwrap_or(0.0);
+        let world = |pixel: [f64; 2]| -> Result<[f64; 2], MapPlanError> {
+            let point = plane.to_world(Geographic { height: floor, ..at(pixel)? });
+            Ok([point.x, point.y])
+        };
+        let corners = [[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]];
+        let [upper_left, upper_right, lower_left, lower_right] =
+            [world(corners[0])?, world(corners[1])?, world(corners[2])?, world(corners[3])?];
+        let centre = [0, 1].map(|k| 0.25 * (upper_left[k] + upper_right[k] + lower_left[k] + lower_right[k]));
+        let distance_m = centre[0].hypot(centre[1]);
+        if distance_m > MAX_DISTANCE_M {
+            return Err(MapPlanError::FarFromSite { distance_m });
+        }
+        // Mean step of a pixel to the right, and of a pixel up.
+        let step = |from: [[f64; 2]; 2], to: [[f64; 2]; 2], count: f64| {
+            [0, 1].map(|k| 0.5 * (to[0][k] - from[0][k] + to[1][k] - from[1][k]) / count)
+        };
+        let right = step([upper_left, lower_left], [upper_right, lower_right], width);
+        let up = step([lower_left, lower_right], [upper_left, upper_right], height);
+        let pixel_m = [right[0].hypot(right[1]), up[0].hypot(up[1])];
+        if (pixel_m[0] / pixel_m[1] - 1.0).abs() > MAX_STRETCH {
+            return Err(MapPlanError::NotSquare { pixel_m });
+        }
+        // The similarity nearest to both steps: up is right turned by 90 degrees.
+        let [a, b] = [0.5 * (right[0] + up[1]), 0.5 * (right[1] - up[0])];
+        let metres_per_px = a.hypot(b);
+        let x_axis = -b.atan2(a);
+        let from_centre = |[x, y]: [f64; 2]| {
+            let [dx, dy] = [x - 0.5 * width, 0.5 * height - y];
+            [centre[0] + a * dx - b * dy, centre[1] + b * dx + a * dy]
+        };
+        let exact = [upper_left, upper_right, lower_left, lower_right];
+        let off = corners.iter().zip(exact).map(|(corner, exact)| {
+            let [x, y] = from_centre(*corner);
+            (x - exact[0]).hypot(y - exact[1])
+        });
+        let error_px = off.fold(0.0, f64::max) / metres_per_px;
+        if !(error_px <= MAX_ERROR_PX) {
+            return Err(MapPlanError::NotSimilar { error_px });
+        }
+        // World (0, 0) in pixels: the inverse of the similarity.
+        let square = metres_per_px * metres_per_px;
+        let [dx, dy] = [-(a * centre[0] + b * centre[1]) / square, (b * centre[0] - a * centre[1]) / square];
+        Ok(Plan {
+            image,
+            page: None,
+            layers: None,
+            metres_per_px,
+            origin_px: PlanPixel::new(0.5 * width + dx, 0.5 * height - dy),
+            x_axis_deg: x_axis.to_degrees(),
+            georeference: known.is_none().then_some(georeference),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn utm() -> CoordinateSystem {
+        CoordinateSystem::new("EPSG:25832").unwrap()
+    }
+
+    /// Position of an image of UTM with a pixel size in metres, turned by an angle.
+    fn image(pixel: f64, turn: f64) -> MapPosition {
+        let (sin, cos) = turn.sin_cos();
+        let transform = [[pixel * cos, pixel * sin, 691_000.0], [pixel * sin, -pixel * cos, 5_335_000.0]];
+        MapPosition { transform, system: Some(utm()) }
+    }
+
+    proptest! {
+        #[test]
+        fn every_pixel_of_the_plan_is_at_its_place_on_the_map(
+            pixel in 0.02..0.5_f64, turn in -3.1..3.1_f64, x in 0.0..2000.0_f64, y in 0.0..1000.0_f64, is_placed in any::<bool>(),
+        ) {
+            let position = image(pixel, turn);
+            let georeference =
+                Georeference { lat_deg: 48.14, lon_deg: 11.57, x_axis_azimuth_deg: 31.0, alt_m: None };
+            let site = Site { georeference: is_placed.then_some(georeference), ..Site::new() };
+            let plan = site.plan_on_map(None, [2000, 1000], &position).unwrap();
+            prop_assert_eq!(plan.georeference.is_none(), is_placed);
+            let floor = plan.scale().floor_from_plan(PlanPixel::new(x, y));
+            let site = Site { plan: Some(plan), ..site };
+            let found = site.tangent_plane().unwrap().to_geographic(floor.at_height(0.0));
+            let [east, north] = utm().from_geographic(found).unwrap();
+            let expected = position.transform.map(|[a, b, c]| a * x + b * y + c);
+            let error = (east - expected[0]).hypot(north - expected[1]);
+            prop_assert!(error < 0.2 * pixel + 2e-3, "{error} m, {pixel} m a pixel");
+        }
+    }
+
+    #[test]
+    fn images_that_are_no_plans_are_refused() {
+        let refused = |transform, system| {
+            let position = MapPosition { transform, system };
+            Site::new().plan_on_map(None, [1000, 1000], &position).unwrap_err()
+        };
+        let degrees = [[1e-6, 0.0, 11.5], [0.0, -1e-6, 48.1]];
+        assert!(matches!(refused(degrees, None), MapPlanError::NotSquare { .. }));
+        let mirrored = [[0.1, 0.0, 691_000.0], [0.0, 0.1, 5_335_000.0]];
+        assert!(matches!(refused(mirrored, Some(utm())), MapPlanError::NotSimilar { .. }));
+        let exchanged = [[0.1, 0.0, 1e12], [0.0, -0.1, 1e12]];
+        assert!(matches!(
+            refused(exchanged, Some(utm())),
+            MapPlanError::OutsideGrid | MapPlanError::NotSquare { .. }
+        ));
+    }
+}
