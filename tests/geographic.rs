@@ -3,10 +3,10 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
-use calib_core::WorldPoint;
 use calib_core::floor::{Geographic, TangentPlane};
+use calib_core::{Camera, WorldPoint};
 use calib_demo::random::normal;
-use calib_site::{CoordinateSystem, Options, Site};
+use calib_site::{CoordinateSystem, Options, Site, SiteCamera};
 use calib_tests::{Scratch, above, peers_python, root};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -466,4 +466,139 @@ fn tables_have_grid_coordinates() {
     assert!((0.15..1.0).contains(&sigma), "{sigma}");
     let refused = scratch.calib(&[&project[..], &["--crs", "EPSG:4326"]].concat());
     assert!(refused.expect_code(2).stderr.contains("latitude"), "a system without a grid");
+}
+
+/// Returns the six cameras of a street of 300 m. World +x is east.
+fn street_cameras() -> Vec<Camera> {
+    let camera = |index: u32| {
+        let side = if index.is_multiple_of(2) { 1.0 } else { -1.0 };
+        Camera {
+            position: WorldPoint::new(60.0 * f64::from(index), side * 6.0, 6.0),
+            // Along the street, toward the middle of it.
+            yaw: (-90.0 + side * -12.0_f64).to_radians(),
+            pitch: 0.16,
+            ..above(0.0)
+        }
+    };
+    (0..6).map(camera).collect()
+}
+
+/// Returns the pixel of a point, with noise of half a pixel; `None` if the camera does not see the point.
+fn click(random: &mut ChaCha8Rng, camera: &Camera, at: WorldPoint) -> Option<[f64; 2]> {
+    let px = camera.world_to_pixel(at)?;
+    let is_inside = (0.0..f64::from(SIZE[0])).contains(&px.u) && (0.0..f64::from(SIZE[1])).contains(&px.v);
+    let noisy = [px.u + 0.5 * normal(random), px.v + 0.5 * normal(random)];
+    (is_inside && camera.position.distance(at) < 110.0).then_some(noisy)
+}
+
+/// Returns the verticals and the parallel edges that are drawn in the image of a camera.
+fn lines(random: &mut ChaCha8Rng, camera: &Camera) -> Vec<Value> {
+    let mut line = |ends: [[f64; 3]; 2]| {
+        let ends = ends.map(|[dx, y, z]| WorldPoint::new(camera.position.x + dx, y, z));
+        ends.map(|at| click(random, camera, at).unwrap())
+    };
+    let mut lines: Vec<Value> = [[14.0, 4.0], [16.0, -4.0], [30.0, 6.0], [28.0, -6.0], [22.0, 1.0]]
+        .map(|[dx, y]| json!({"kind": "vertical", "segments": [line([[dx, y, 0.0], [dx, y, 2.5]])]}))
+        .into();
+    let edges = [-3.0, 0.0, 3.0].map(|y| line([[16.0, y, 0.0], [60.0, y, 0.0]]));
+    lines.push(json!({"kind": "parallel", "segments": edges}));
+    lines
+}
+
+/// Creates the site of a street of six cameras, with links between neighbours and eight surveyed points.
+fn street(random: &mut ChaCha8Rng, sigma: f64) -> Value {
+    let cameras = street_cameras();
+    let mut links = Vec::new();
+    for k in 0..120 {
+        let at = WorldPoint::new(8.0 + 3.0 * f64::from(k), f64::from(k * 7 % 13) - 6.0, 0.0);
+        let seen: Vec<Value> = (0..cameras.len())
+            .filter_map(|index| {
+                let px = click(random, &cameras[index], at)?;
+                Some(json!({"camera": format!("c{index}"), "px": px}))
+            })
+            .collect();
+        if seen.len() > 1 {
+            links.push(json!({"kind": "point", "seen": seen}));
+        }
+    }
+    let plane = TangentPlane::new(origin(), 90_f64.to_radians());
+    let mut points: Vec<Vec<Value>> = vec![Vec::new(); cameras.len()];
+    for k in 0..8_u32 {
+        let at =
+            WorldPoint::new(25.0 + 44.0 * f64::from(k), if k.is_multiple_of(2) { 5.0 } else { -5.0 }, 0.0);
+        let found = (0..cameras.len()).find_map(|index| Some((index, click(random, &cameras[index], at)?)));
+        let (index, px) = found.unwrap();
+        let noisy = WorldPoint { x: at.x + sigma * normal(random), y: at.y + sigma * normal(random), z: 0.0 };
+        let Geographic { latitude, longitude, .. } = plane.to_geographic(noisy);
+        points[index].push(json!({"id": format!("p{k}"), "px": px, "sigma_m": sigma,
+            "lat_deg": latitude.to_degrees(), "lon_deg": longitude.to_degrees()}));
+    }
+    let entry = |(index, (camera, points)): (usize, (&Camera, Vec<Value>))| {
+        json!({"id": format!("c{index}"), "size_px": SIZE, "sigma_px": 0.5, "annotations": lines(random, camera),
+            "control_points": points, "lens": {"principal_point_px": [960, 540]}})
+    };
+    let entries: Vec<Value> = cameras.iter().zip(points).enumerate().map(entry).collect();
+    json!({"format": "calib-site", "version": 1, "scene": "exact", "cameras": entries, "links": links})
+}
+
+/// Errors of the cameras of the street on the map, in standard deviations: east, north, height and azimuth.
+fn street_errors(random: &mut ChaCha8Rng, sigma: f64) -> Option<Vec<[f64; 4]>> {
+    let site = Site::from_json(&street(random, sigma).to_string()).unwrap();
+    let solved = site.calibrate(&Options::default()).write_into(&site);
+    let plane = solved.tangent_plane()?;
+    let map = TangentPlane::new(origin(), 90_f64.to_radians());
+    let errors = |(entry, exact): (&SiteCamera, &Camera)| {
+        let solution = entry.solution.as_ref()?;
+        let sigma = solution.sigma.as_ref()?;
+        let at = map.to_world(plane.to_geographic(solution.position_m?));
+        let yaw = solution.yaw_deg? - exact.yaw.to_degrees();
+        Some([
+            (at.x - exact.position.x) / sigma.x_m?,
+            (at.y - exact.position.y) / sigma.y_m?,
+            (at.z - exact.position.z) / sigma.z_m?,
+            ((yaw + 180.0).rem_euclid(360.0) - 180.0) / sigma.yaw_deg?,
+        ])
+    };
+    solved.cameras.iter().zip(&street_cameras()).map(errors).collect()
+}
+
+/// Sums up trials of the street: for each quantity, the root mean square error over the standard deviation, and the
+/// share of the errors within 1.96 standard deviations.
+fn street_table(sigma: f64, trials: u64) -> [[f64; 2]; 4] {
+    let mut sums = [[0.0; 2]; 4];
+    let mut count = 0.0;
+    for trial in 0..trials {
+        let mut random = ChaCha8Rng::seed_from_u64(1000 + trial);
+        for errors in street_errors(&mut random, sigma).expect("every street is solved") {
+            count += 1.0;
+            for (sum, error) in sums.iter_mut().zip(errors) {
+                sum[0] += error * error;
+                sum[1] += f64::from(u8::from(error.abs() < 1.96));
+            }
+        }
+    }
+    sums.map(|[square, inside]| [(square / count).sqrt(), inside / count])
+}
+
+#[test]
+fn streets_are_on_the_map_within_their_errors() {
+    for sigma in [4.0, 0.5, 0.02] {
+        for [rms, inside] in street_table(sigma, 25) {
+            // All cameras of a street share errors, so that 25 streets are about 25 independent errors.
+            assert!((0.6..1.45).contains(&rms) && inside > 0.8, "{sigma} m: {rms}, {inside}");
+        }
+    }
+}
+
+#[test]
+#[ignore = "takes minutes; the table of the guide"]
+fn table_of_streets() {
+    println!("| accuracy of the points | | east | north | height | azimuth |\n|---|---|---:|---:|---:|---:|");
+    for sigma in [4.0, 0.5, 0.02] {
+        let table = street_table(sigma, 400);
+        for (k, what) in ["RMSE over σ", "in the 95 % interval"].into_iter().enumerate() {
+            let [east, north, height, azimuth] = table.map(|values| values[k]);
+            println!("| {sigma} m | {what} | {east:.3} | {north:.3} | {height:.3} | {azimuth:.3} |");
+        }
+    }
 }

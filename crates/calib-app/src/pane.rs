@@ -19,6 +19,7 @@ use crate::paint::{Pen, line};
 use crate::picture::picture_key;
 use crate::plan::drawing_fields::snapped;
 use crate::plan::floor::Floor;
+use crate::plan::north::paint_north;
 use crate::state::{App, Place};
 use crate::theme::{self, on_image};
 
@@ -368,6 +369,7 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
         line(&painter, &points, Pen::new(on_image::WAITING, 2.0));
     }
     floor.paint_scale(&painter);
+    paint_north(app.editor.session(), &floor.mapping, &painter);
     handles::on_plan(app, ui, &mapping);
     self::cursor(app, ui, Pane::Plan, &mapping);
 }

@@ -37,7 +37,7 @@ pub(crate) struct Args {
     /// Size of a pixel in metres, for plans that state no scale
     #[arg(long, value_name = "M", value_parser = pixel_size, conflicts_with_all = ["scale", "unit"])]
     metres_per_px: Option<f64>,
-    /// Grid of a GeoTIFF or world file that does not state it, such as EPSG:25832
+    /// Grid of a map image that does not state it, such as EPSG:25832
     #[arg(long, value_name = "EPSG:CODE", value_parser = grid)]
     crs: Option<CoordinateSystem>,
     /// Site that gets this plan; the positions of its cameras stay

@@ -217,14 +217,8 @@ pub enum Action {
         /// Name of the undo step, as shown after "Undo".
         name: String,
     },
-    /// Chooses the ground point that the next click in an image marks, and the tool for it; `None` for no point.
-    ChooseGroundPoint(Option<String>),
-    /// Adds or changes a ground point, and chooses it.
-    SetGroundPoint(Box<GroundPoint>),
-    /// Removes the ground point with this id. Its control points stay.
-    RemoveGroundPoint(String),
-    /// Changes the control point with this index in the selected camera.
-    SetControl(usize, Box<ControlPointEntry>),
+    /// Applies an action on points with known coordinates.
+    Points(PointAction),
     /// Changes the link with this index.
     SetLink(usize, Box<Link>),
     /// Changes a mark of the site.
@@ -255,4 +249,17 @@ pub enum Action {
     ToggleSnap,
     /// Switches the unit of lengths.
     ToggleUnits,
+}
+
+/// Action on control points, and on ground points, which wait for a click in an image.
+#[derive(Clone, Debug)]
+pub enum PointAction {
+    /// Chooses the ground point that the next click in an image marks, and the tool for it; `None` for no point.
+    Choose(Option<String>),
+    /// Adds or changes a ground point, and chooses it.
+    SetGroundPoint(Box<GroundPoint>),
+    /// Removes the ground point with this id. Its control points stay.
+    RemoveGroundPoint(String),
+    /// Changes the control point with this index in the selected camera.
+    SetControl(usize, Box<ControlPointEntry>),
 }

@@ -53,7 +53,7 @@ mod action;
 mod editor;
 mod apply;
 
-pub use action::{Action, NewImage, Opened, PlacementNumber};
+pub use action::{Action, NewImage, Opened, PlacementNumber, PointAction};
 pub use agreement::{
     Agreement, LinkDistance, agreements, inconsistent_links, line_distance_rms, link_distance,
     pair_rms_distance,

@@ -115,6 +115,15 @@ pub struct Session {
 }
 
 impl Session {
+    /// Returns the standard deviation of the direction of north, in degrees; `None` if the georeference is
+    /// entered, or defined by geographic points.
+    #[must_use]
+    pub fn north_sigma_deg(&self) -> Option<f64> {
+        let solved = || self.solved.joint_report()?.site.georeference.clone();
+        let estimated = self.site.estimated_georeference().or_else(solved)?;
+        Some(estimated.sigma.azimuth_deg).filter(|sigma| *sigma > 0.0)
+    }
+
     /// Returns the georeference of the site: entered, from its points, or from the last joint solve.
     #[must_use]
     pub fn georeference(&self) -> Option<Georeference> {

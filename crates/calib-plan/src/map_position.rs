@@ -1,7 +1,7 @@
 //! Position of an image on the map, from the tags of a `GeoTIFF`, from a world file with its coordinate system, or
 //! from a ground overlay (KML).
 //!
-//! Sources: OGC 19-008r4, "OGC GeoTIFF Standard", 2019; "World Files for Raster Datasets", ESRI; OGC 12-007r2,
+//! Sources: OGC 19-008r4, "OGC `GeoTIFF` Standard", 2019; "World Files for Raster Datasets", ESRI; OGC 12-007r2,
 //! "OGC KML 2.3", 2015.
 
 /// Coordinate system of a position.
@@ -98,8 +98,8 @@ impl ImagePosition {
         None
     }
 
-    /// Returns the position of the ground overlay of a KML file for an image of this size, in pixels. Also returns
-    /// the path of its image. Returns `None` for a file without a ground overlay.
+    /// Returns the position of the ground overlay of a KML file for an image of this width and height, in pixels.
+    /// Returns `None` for a file without a ground overlay.
     #[must_use]
     pub fn from_kml(text: &str, [width, height]: [f64; 2]) -> Option<Self> {
         let overlay = KmlOverlay::read(text)?;

@@ -93,11 +93,7 @@ impl TableOptions {
                 "height" => asked.height = real(Some(&value), "height", 0.0)?,
                 "sigma_px" => asked.sigma = Some(real(Some(&value), "sigma_px", 1.0)?),
                 "geographic" => asked.is_geographic = value.extract()?,
-                "crs" => {
-                    let grid = |name: &str| CoordinateSystem::new(name).ok();
-                    asked.grid =
-                        Some(choice(&value, "crs", grid, "the EPSG code of a grid, such as \"EPSG:25832\"")?);
-                }
+                "crs" => asked.grid = Some(grid(&value)?),
                 "replace" => asked.replaces = value.extract()?,
                 "bad_rows" => {
                     asked.bad_rows = choice(
@@ -217,6 +213,12 @@ impl TableOptions {
             bad: BadCells::new(self.bad_rows, Wording::Keywords),
         }
     }
+}
+
+/// Reads the keyword `crs`.
+fn grid(value: &Bound<'_, PyAny>) -> PyResult<CoordinateSystem> {
+    let read = |name: &str| CoordinateSystem::new(name).ok();
+    choice(value, "crs", read, "the EPSG code of a grid, such as \"EPSG:25832\"")
 }
 
 fn choice<T>(

@@ -85,6 +85,64 @@ impl MapPosition {
     }
 }
 
+/// Similarity from the pixels of an image to world coordinates.
+struct Similarity {
+    /// World coordinates of the centre of the image, in metres.
+    centre: [f64; 2],
+    /// World step of one pixel to the right, in metres. The step of a pixel up is this step turned by 90 degrees.
+    right: [f64; 2],
+}
+
+impl Similarity {
+    /// Fits the similarity to the world coordinates of the corners: upper left, upper right, lower left, lower
+    /// right. `size` is the width and height of the image, in pixels.
+    fn new([width, height]: [f64; 2], corners: [[f64; 2]; 4]) -> Result<Self, MapPlanError> {
+        /// Largest error of a corner, in pixels. Larger errors are visible when edges are traced.
+        const MAX_ERROR_PX: f64 = 1.0;
+        /// Largest relative difference of the width and height of a pixel.
+        const MAX_STRETCH: f64 = 0.01;
+        let [upper_left, upper_right, lower_left, lower_right] = corners;
+        let centre = [0, 1].map(|k| 0.25 * corners.iter().map(|corner| corner[k]).sum::<f64>());
+        // Mean step of a pixel to the right, and of a pixel up.
+        let step = |from: [[f64; 2]; 2], to: [[f64; 2]; 2], count: f64| {
+            [0, 1].map(|k| 0.5 * (to[0][k] - from[0][k] + to[1][k] - from[1][k]) / count)
+        };
+        let right = step([upper_left, lower_left], [upper_right, lower_right], width);
+        let up = step([lower_left, lower_right], [upper_left, upper_right], height);
+        let pixel_m = [right[0].hypot(right[1]), up[0].hypot(up[1])];
+        if (pixel_m[0] / pixel_m[1] - 1.0).abs() > MAX_STRETCH {
+            return Err(MapPlanError::NotSquare { pixel_m });
+        }
+        let nearest = [0.5 * (right[0] + up[1]), 0.5 * (right[1] - up[0])];
+        let found = Self { centre, right: nearest };
+        let pixels = [[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]];
+        let off = pixels.iter().zip(corners).map(|([x, y], exact)| {
+            let [found_x, found_y] = found.world([x - 0.5 * width, 0.5 * height - y]);
+            (found_x - exact[0]).hypot(found_y - exact[1])
+        });
+        let error_px = off.fold(0.0, f64::max) / found.metres_per_px();
+        // A degenerate image has an error that is not a number.
+        if error_px <= MAX_ERROR_PX { Ok(found) } else { Err(MapPlanError::NotSimilar { error_px }) }
+    }
+
+    /// Returns the world coordinates of a point, in pixels to the right of and above the centre.
+    fn world(&self, [dx, dy]: [f64; 2]) -> [f64; 2] {
+        let [a, b] = self.right;
+        [self.centre[0] + a * dx - b * dy, self.centre[1] + b * dx + a * dy]
+    }
+
+    /// Returns world (0, 0), in pixels to the right of and above the centre: the inverse of [`Self::world`].
+    fn world_origin(&self) -> [f64; 2] {
+        let ([a, b], [x, y]) = (self.right, self.centre);
+        let square = a * a + b * b;
+        [-(a * x + b * y) / square, (b * x - a * y) / square]
+    }
+
+    fn metres_per_px(&self) -> f64 {
+        self.right[0].hypot(self.right[1])
+    }
+}
+
 impl Site {
     /// Returns the plan of an image of known position, with its scale, origin, rotation and georeference. World
     /// coordinates stay as they are if the site has a georeference. Otherwise world (0, 0) is the lower left
@@ -98,10 +156,6 @@ impl Site {
         size: [u32; 2],
         position: &MapPosition,
     ) -> Result<Plan, MapPlanError> {
-        /// Largest error of the similarity, in pixels. Larger errors are visible when edges are traced.
-        const MAX_ERROR_PX: f64 = 1.0;
-        /// Largest relative difference of the width and height of a pixel.
-        const MAX_STRETCH: f64 = 0.01;
         /// Largest distance of the image from the site, in metres.
         const MAX_DISTANCE_M: f64 = 50e3;
         let [width, height] = size.map(f64::from);
@@ -109,17 +163,7 @@ impl Site {
         let known = self.known_georeference();
         let georeference = match &known {
             Some(known) => known.clone(),
-            None => {
-                let corner = at([0.0, height])?;
-                let to_right =
-                    TangentPlane::new(corner, std::f64::consts::FRAC_PI_2).to_world(at([width, height])?);
-                Georeference {
-                    lat_deg: corner.latitude.to_degrees(),
-                    lon_deg: corner.longitude.to_degrees(),
-                    x_axis_azimuth_deg: to_right.x.atan2(to_right.y).to_degrees().rem_euclid(360.0),
-                    alt_m: None,
-                }
-            }
+            None => Georeference::of_image(at([0.0, height])?, at([width, height])?),
         };
         let plane = georeference.tangent_plane();
         let floor = georeference.alt_m.unwrap_or(0.0);
@@ -127,53 +171,36 @@ impl Site {
             let point = plane.to_world(Geographic { height: floor, ..at(pixel)? });
             Ok([point.x, point.y])
         };
-        let corners = [[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]];
-        let [upper_left, upper_right, lower_left, lower_right] =
-            [world(corners[0])?, world(corners[1])?, world(corners[2])?, world(corners[3])?];
-        let centre = [0, 1].map(|k| 0.25 * (upper_left[k] + upper_right[k] + lower_left[k] + lower_right[k]));
-        let distance_m = centre[0].hypot(centre[1]);
+        let corners =
+            [world([0.0, 0.0])?, world([width, 0.0])?, world([0.0, height])?, world([width, height])?];
+        let similarity = Similarity::new([width, height], corners)?;
+        let distance_m = similarity.centre[0].hypot(similarity.centre[1]);
         if distance_m > MAX_DISTANCE_M {
             return Err(MapPlanError::FarFromSite { distance_m });
         }
-        // Mean step of a pixel to the right, and of a pixel up.
-        let step = |from: [[f64; 2]; 2], to: [[f64; 2]; 2], count: f64| {
-            [0, 1].map(|k| 0.5 * (to[0][k] - from[0][k] + to[1][k] - from[1][k]) / count)
-        };
-        let right = step([upper_left, lower_left], [upper_right, lower_right], width);
-        let up = step([lower_left, lower_right], [upper_left, upper_right], height);
-        let pixel_m = [right[0].hypot(right[1]), up[0].hypot(up[1])];
-        if (pixel_m[0] / pixel_m[1] - 1.0).abs() > MAX_STRETCH {
-            return Err(MapPlanError::NotSquare { pixel_m });
-        }
-        // The similarity nearest to both steps: up is right turned by 90 degrees.
-        let [a, b] = [0.5 * (right[0] + up[1]), 0.5 * (right[1] - up[0])];
-        let metres_per_px = a.hypot(b);
-        let x_axis = -b.atan2(a);
-        let from_centre = |[x, y]: [f64; 2]| {
-            let [dx, dy] = [x - 0.5 * width, 0.5 * height - y];
-            [centre[0] + a * dx - b * dy, centre[1] + b * dx + a * dy]
-        };
-        let exact = [upper_left, upper_right, lower_left, lower_right];
-        let off = corners.iter().zip(exact).map(|(corner, exact)| {
-            let [x, y] = from_centre(*corner);
-            (x - exact[0]).hypot(y - exact[1])
-        });
-        let error_px = off.fold(0.0, f64::max) / metres_per_px;
-        if !(error_px <= MAX_ERROR_PX) {
-            return Err(MapPlanError::NotSimilar { error_px });
-        }
-        // World (0, 0) in pixels: the inverse of the similarity.
-        let square = metres_per_px * metres_per_px;
-        let [dx, dy] = [-(a * centre[0] + b * centre[1]) / square, (b * centre[0] - a * centre[1]) / square];
+        let [dx, dy] = similarity.world_origin();
         Ok(Plan {
             image,
             page: None,
             layers: None,
-            metres_per_px,
+            metres_per_px: similarity.metres_per_px(),
             origin_px: PlanPixel::new(0.5 * width + dx, 0.5 * height - dy),
-            x_axis_deg: x_axis.to_degrees(),
+            x_axis_deg: -similarity.right[1].atan2(similarity.right[0]).to_degrees(),
             georeference: known.is_none().then_some(georeference),
         })
+    }
+}
+
+impl Georeference {
+    /// Returns the georeference with world (0, 0) at one corner of an image, and +x toward another.
+    fn of_image(corner: Geographic, toward: Geographic) -> Self {
+        let to_right = TangentPlane::new(corner, std::f64::consts::FRAC_PI_2).to_world(toward);
+        Self {
+            lat_deg: corner.latitude.to_degrees(),
+            lon_deg: corner.longitude.to_degrees(),
+            x_axis_azimuth_deg: to_right.x.atan2(to_right.y).to_degrees().rem_euclid(360.0),
+            alt_m: None,
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 
 use calib_core::ResidualOf;
 use calib_core::single::Known;
-use calib_editor::{Action, Part, pair_rms_distance, planes};
+use calib_editor::{Action, Part, PointAction, pair_rms_distance, planes};
 use calib_site::Distance;
 use egui::{ComboBox, Frame, Margin, RichText, Ui, Vec2};
 
@@ -165,7 +165,7 @@ pub(crate) fn controls(app: &mut App, ui: &mut Ui) {
         }
     }
     if let Some((index, new)) = change {
-        app.send(Action::SetControl(index, Box::new(new)));
+        app.send(Action::Points(PointAction::SetControl(index, Box::new(new))));
     }
 }
 

@@ -1,6 +1,6 @@
 //! Panel of ground points: points with known coordinates that wait for a click in an image.
 
-use calib_editor::Action;
+use calib_editor::{Action, PointAction};
 use calib_site::{GroundPoint, Site, typed_degrees};
 use egui::{DragValue, RichText, TextEdit, Ui, Vec2};
 
@@ -33,7 +33,7 @@ fn point_row(app: &mut App, ui: &mut Ui, point: &GroundPoint) {
         let label = ui.selectable_label(is_chosen, title);
         let about = point.name.as_deref().unwrap_or("Choose this point, then click it in the images");
         if label.on_hover_text(about).clicked() {
-            sent = Some(Action::ChooseGroundPoint((!is_chosen).then(|| point.id.clone())));
+            sent = Some(PointAction::Choose((!is_chosen).then(|| point.id.clone())));
         }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             let text = if cameras.is_empty() { "\u{2014}".into() } else { cameras.join(", ") };
@@ -49,19 +49,19 @@ fn point_row(app: &mut App, ui: &mut Ui, point: &GroundPoint) {
             let field = ui.add(field.max_decimals(3).update_while_editing(false)).labelled_by(label.id);
             if field.on_hover_text("Accuracy: 4 for a phone, 0.5 for an aerial image, 0.02 for RTK").changed()
             {
-                sent = Some(Action::SetGroundPoint(Box::new(GroundPoint {
+                sent = Some(PointAction::SetGroundPoint(Box::new(GroundPoint {
                     sigma_m: Some(sigma),
                     ..point.clone()
                 })));
             }
             let look = Look { size: Vec2::splat(18.0), ..Look::default() };
             if icons::button(ui, Icon::Close, &format!("Remove point {}", point.id), "", look).clicked() {
-                sent = Some(Action::RemoveGroundPoint(point.id.clone()));
+                sent = Some(PointAction::RemoveGroundPoint(point.id.clone()));
             }
         });
     }
     if let Some(action) = sent {
-        app.send(action);
+        app.send(Action::Points(action));
     }
 }
 
@@ -82,7 +82,7 @@ fn new_point(app: &mut App, ui: &mut Ui) {
             let (lat_deg, lon_deg) = (Some(lat), Some(lon));
             let point =
                 GroundPoint { id, lat_deg, lon_deg, sigma_m: Some(TYPED_SIGMA_M), ..GroundPoint::default() };
-            app.send(Action::SetGroundPoint(Box::new(point)));
+            app.send(Action::Points(PointAction::SetGroundPoint(Box::new(point))));
             text.clear();
         }
         None if !text.trim().is_empty() && !field.has_focus() => {

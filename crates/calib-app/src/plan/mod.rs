@@ -8,3 +8,4 @@ pub mod agreement;
 pub(crate) mod planes;
 pub(crate) mod distances;
 pub(crate) mod ground_points;
+pub(crate) mod north;

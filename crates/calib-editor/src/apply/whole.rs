@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use calib_site::{ControlPointEntry, Distance, GroundPoint, Link, Mark, Site, SiteCamera, counted};
 
-use crate::action::Opened;
+use crate::action::{Opened, PointAction};
 use crate::editor::Editor;
 use crate::images::images_mut;
 use crate::import;
@@ -14,7 +14,7 @@ use crate::session::Session;
 use crate::tools::{is_on_pins, move_to_pins, tool_index};
 
 impl Editor {
-    pub(super) fn set_control(&mut self, index: usize, point: ControlPointEntry) {
+    fn set_control(&mut self, index: usize, point: ControlPointEntry) {
         self.cancel();
         let name = point.label(index);
         if let Some(own) = self.session.entry_mut().and_then(|entry| entry.control_points.get_mut(index)) {
@@ -23,14 +23,23 @@ impl Editor {
         self.session.commit(format!("change {name}"));
     }
 
-    pub(super) fn choose_ground_point(&mut self, id: Option<String>) {
+    pub(super) fn apply_to_points(&mut self, action: PointAction) {
+        match action {
+            PointAction::Choose(id) => self.choose_ground_point(id),
+            PointAction::SetGroundPoint(point) => self.set_ground_point(*point),
+            PointAction::RemoveGroundPoint(id) => self.remove_ground_point(&id),
+            PointAction::SetControl(index, point) => self.set_control(index, *point),
+        }
+    }
+
+    fn choose_ground_point(&mut self, id: Option<String>) {
         if id.is_some() {
             self.select_tool(tool_index("Control point"));
         }
         self.session.tool.ground_point = id;
     }
 
-    pub(super) fn set_ground_point(&mut self, point: GroundPoint) {
+    fn set_ground_point(&mut self, point: GroundPoint) {
         self.cancel();
         let id = point.id.clone();
         let points = &mut self.session.site.ground_points;
@@ -42,7 +51,7 @@ impl Editor {
         self.choose_ground_point(Some(id));
     }
 
-    pub(super) fn remove_ground_point(&mut self, id: &str) {
+    fn remove_ground_point(&mut self, id: &str) {
         self.cancel();
         self.session.site.ground_points.retain(|point| point.id != id);
         self.session.tool.ground_point = None;

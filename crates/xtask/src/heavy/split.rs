@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
 /// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
-const REST: [&str; 69] = [
+const REST: [&str; 77] = [
     // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
@@ -27,6 +27,12 @@ const REST: [&str; 69] = [
     "calib_report::coverage_layer",
     "calib_report::coverage_page",
     "calib_site::coverage",
+    "calib_site::coordinate_system",
+    "calib_site::georeference_step",
+    "calib_site::map_plan",
+    "calib_core::floor::georeference",
+    "proj4rs",
+    "proj4rs_geodesic",
     "calib_site::measurement",
     "calib_core::floor::coverage",
     "calib_core::single::abramov",
@@ -40,12 +46,14 @@ const REST: [&str; 69] = [
     "calib_app::annotate::links",
     "calib_app::plan::drawing_fields",
     "calib_app::plan::agreement",
+    "calib_app::plan::ground_points",
     "calib_app::plan::placement",
     "calib_app::scene3d",
     "calib_app::shell::palette",
     "calib_editor::apply::proposing",
     "calib_editor::tools::mark",
     "calib_plan::dxf",
+    "calib_plan::map_position",
     "calib_plan::read",
     "jiff",
     "jiff_core",
