@@ -7,7 +7,7 @@ use std::process::Command;
 use std::sync::Arc;
 
 use arrow_array::{ArrayRef, Float64Array, Int64Array, RecordBatch, StringArray, TimestampMicrosecondArray};
-use calib_site::Site;
+use calib_site::{Georeference, Site};
 use calib_tests::{LENSES, Scratch, camera, engines_python, entry, root};
 use parquet::arrow::ArrowWriter;
 use parquet::file::properties::WriterProperties;
@@ -107,13 +107,16 @@ fn stated_error(stderr: &str) -> [f64; 2] {
 
 #[test]
 fn view_in_duckdb_is_exact_or_within_its_stated_error() {
-    let (scratch, messages) = prepare(&site(), &[], 2, 100_000);
+    let georeference = Georeference { lat_deg: 48.0, lon_deg: 11.0, x_axis_azimuth_deg: 30.0, alt_m: None };
+    let site = Site { georeference: Some(georeference), ..site() };
+    let (scratch, messages) = prepare(&site, &["--geographic"], 2, 100_000);
     let Some(found) = python("engines_duckdb.py", &[&scratch.path("").to_string_lossy()]) else { return };
     for camera in ["b", "c"] {
         let row = &found[camera];
         assert_eq!(row["one_sided"], 0, "{row}");
         assert!(row["mapped"].as_u64().unwrap() > 50_000, "{row}");
         assert!(row["relative"].as_f64().unwrap() < 1e-9, "{row}");
+        assert!(row["on_map_m"].as_f64().unwrap() < 0.01, "{row}");
     }
     // Between the sample points of the export, the error may be slightly larger.
     let ([pixels, metres], row) = (stated_error(&messages), &found["a"]);

@@ -262,4 +262,6 @@ pub enum PointAction {
     RemoveGroundPoint(String),
     /// Changes the control point with this index in the selected camera.
     SetControl(usize, Box<ControlPointEntry>),
+    /// Sets the projected grid of the site, an EPSG code; `None` for no grid.
+    SetGrid(Option<String>),
 }

@@ -232,6 +232,24 @@ impl Points {
             let found = format!("more than {MAX_POINTS} points");
             return Err(FormatError::expected(place, found, format!("at most {MAX_POINTS}")));
         }
+        let is_outside = |value: Option<f64>, most: f64| value.is_some_and(|value| value.abs() > most);
+        if is_outside(point.lat_deg, 90.0) || is_outside(point.lon_deg, 180.0) {
+            let found =
+                format!("{}, {}", point.lat_deg.unwrap_or_default(), point.lon_deg.unwrap_or_default());
+            return Err(FormatError::expected(
+                place,
+                found,
+                "latitude -90 to 90 and longitude -180 to 180 degrees",
+            ));
+        }
+        let lengths = point.crs_m.into_iter().flatten().chain(point.height_m).chain(point.sigma_m);
+        let lengths = lengths.chain(point.world_m.map(<[f64; 3]>::from).into_iter().flatten());
+        if point.sigma_m.is_some_and(|sigma| sigma <= 0.0)
+            || lengths.into_iter().any(|length| length.abs() > 1e9)
+        {
+            let expected = "coordinates up to 1e9, and an accuracy above 0";
+            return Err(FormatError::expected(place, "a number outside the usual range", expected));
+        }
         let shortened = |text: String| -> Option<String> {
             let text: String = text.chars().filter(|c| !c.is_control()).take(MAX_LENGTH).collect();
             let text = text.trim().to_owned();
@@ -416,6 +434,8 @@ mod tests {
             (read_table, "a,b\n1,2\n"),
             (read_table, "lat,lon\n1,x\n"),
             (read_table, ""),
+            (read_table, "lat,lon\n95,10\n"),
+            (read_table, "lat,lon,sigma\n5,10,0\n"),
         ] {
             assert!(read(&[file("points", text)]).is_err(), "{text}");
         }

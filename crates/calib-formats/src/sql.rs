@@ -8,7 +8,8 @@
 //! (q = 1) and for the division model (d2 = d3 = 0). For other lenses d1, d2 and d3 are fitted, and the
 //! largest error is reported.
 
-use calib_core::{Distortion, Extent, FloorPoint, Pixel, UndistortedPixel};
+use calib_core::floor::TangentPlane;
+use calib_core::{Distortion, Extent, FloorPoint, Pixel, UndistortedPixel, WorldPoint};
 
 use crate::export::{Export, MAX_UNREPORTED_ERROR_PX, Scene, round_up, wide_lens_advice};
 use crate::tree::digits;
@@ -47,7 +48,8 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
         (0..3).rev().find(|&i| rows.iter().any(|row| row.coefficients[i] != 0.0)).map_or(0, |i| i + 1);
     let has_periods = scene.views.iter().any(|view| view.valid_from.is_some() || view.valid_to.is_some());
     let seen_at = if has_periods { ", seen_at" } else { "" };
-    export.push("floor.sql", text(&rows, terms, has_periods));
+    let map = scene.site.tangent_plane().map_or_else(String::new, |plane| map_view(&plane));
+    export.push("floor.sql", text(&rows, terms, has_periods) + &map);
     export.notes.push(format!("floor.sql needs a table or view detections(camera_id, u, v{seen_at})"));
 }
 
@@ -279,6 +281,36 @@ fn text(rows: &[Row<'_>], terms: usize, has_periods: bool) -> String {
          FROM detections AS d LEFT JOIN calib_cameras AS c ON d.camera_id = c.camera_id{during};\n",
         errors = rows.iter().map(Row::comment).collect::<String>(),
         cameras = cameras.join(",\n"),
+    )
+}
+
+/// Returns the text of the view with latitude and longitude.
+///
+/// Both are polynomials of second degree in x and y, from central differences of the exact conversion.
+fn map_view(plane: &TangentPlane) -> String {
+    /// Step of the differences, in metres. The third-order terms at this distance are below a millimetre.
+    const STEP: f64 = 1000.0;
+    let at = |x: f64, y: f64| {
+        let at = plane.to_geographic(WorldPoint::new(x * STEP, y * STEP, 0.0));
+        [at.latitude.to_degrees(), at.longitude.to_degrees()]
+    };
+    let columns = ["lat_deg", "lon_deg"].iter().enumerate().map(|(k, name)| {
+        let at = |x: f64, y: f64| at(x, y)[k];
+        let zero = at(0.0, 0.0);
+        let [by_x, by_y] = [at(1.0, 0.0) - at(-1.0, 0.0), at(0.0, 1.0) - at(0.0, -1.0)].map(|by| by / (2.0 * STEP));
+        let square = STEP * STEP;
+        let by_xx = 0.5 * (at(1.0, 0.0) + at(-1.0, 0.0) - 2.0 * zero) / square;
+        let by_yy = 0.5 * (at(0.0, 1.0) + at(0.0, -1.0) - 2.0 * zero) / square;
+        let by_xy = 0.25 * (at(1.0, 1.0) - at(1.0, -1.0) - at(-1.0, 1.0) + at(-1.0, -1.0)) / square;
+        let [zero, by_x, by_y, by_xx, by_xy, by_yy] = [zero, by_x, by_y, by_xx, by_xy, by_yy].map(double);
+        format!(
+            "{zero} + x_m * ({by_x} + {by_xx} * x_m + {by_xy} * y_m) + y_m * ({by_y} + {by_yy} * y_m) AS {name}"
+        )
+    });
+    format!(
+        "\n-- Latitude and longitude (WGS84), within 1 cm up to 3 km from the origin of the site.\n\
+         CREATE OR REPLACE TEMPORARY VIEW calib_map AS\nSELECT f.*,\n  {}\nFROM calib_floor AS f;\n",
+        columns.collect::<Vec<_>>().join(",\n  ")
     )
 }
 

@@ -2,7 +2,7 @@
 
 use calib_core::{CameraView, FloorPoint as Point, Pixel as At, PlanScale, Status};
 
-use calib_core::floor::SurfacePoint;
+use calib_core::floor::{SurfacePoint, TangentPlane};
 
 use calib_site::Plan;
 use js_sys::Float64Array;
@@ -105,6 +105,29 @@ impl Site {
         map_pairs(pixels, |pixel| plan.floor_from_plan(pixel.into()).into())
     }
 
+    /// Converts floor points (x, y, x, y and so on, in metres) to latitude and longitude in degrees (WGS84).
+    ///
+    /// # Errors
+    /// Throws if the site has no georeference, and for an odd number of coordinates.
+    #[wasm_bindgen(js_name = floorToGeographic)]
+    pub fn floor_to_geographic(&self, points: &[f64]) -> Result<Float64Array, JsError> {
+        let plane = self.tangent_plane()?;
+        map_pairs(points, |[x, y]| {
+            let at = plane.to_geographic(Point { x, y }.at_height(0.0));
+            [at.latitude.to_degrees(), at.longitude.to_degrees()]
+        })
+    }
+
+    /// Converts latitudes and longitudes (in degrees, one pair after the other) to floor points, in metres.
+    ///
+    /// # Errors
+    /// Throws if the site has no georeference, and for an odd number of coordinates.
+    #[wasm_bindgen(js_name = geographicToFloor)]
+    pub fn geographic_to_floor(&self, degrees: &[f64]) -> Result<Float64Array, JsError> {
+        let plane = self.tangent_plane()?;
+        map_pairs(degrees, |degrees| plane.floor_of_degrees(degrees).into())
+    }
+
     /// Returns the floor point of a pixel with its standard deviation; `undefined` above the horizon.
     ///
     /// If `planes` of the site have regions, the result is the nearest point on the floor or on a plane along
@@ -190,6 +213,15 @@ impl Site {
     fn plan(&self) -> Result<PlanScale, JsError> {
         let plan = self.0.plan.as_ref().map(Plan::scale);
         plan.ok_or_else(|| JsError::new("the site has no plan; add \"plan\" with \"metres_per_px\""))
+    }
+
+    fn tangent_plane(&self) -> Result<TangentPlane, JsError> {
+        self.0.tangent_plane().ok_or_else(|| {
+            JsError::new(
+                "the site has no georeference; add \"georeference\", or two control points with \"lat_deg\" and \
+                 \"lon_deg\"",
+            )
+        })
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use calib_core::floor::TangentPlane;
 use calib_core::{FloorPoint, PlanScale};
 
 use calib_input::FileError;
@@ -124,6 +125,41 @@ impl Site {
         array::each(px.py(), [px, py], ["px", "py"], to_floor)
     }
 
+    /// Converts floor points to latitude and longitude (WGS84). Raises ValueError for a site without a
+    /// georeference.
+    ///
+    /// Args:
+    ///     x, y: numbers or arrays, in metres.
+    ///
+    /// Returns:
+    ///     (lat, lon): arrays of their shape, in degrees.
+    fn floor_to_geographic<'py>(&self, x: &Bound<'py, PyAny>, y: &Bound<'py, PyAny>) -> PyResult<Pair<'py>> {
+        let plane = self.tangent_plane(x.py())?;
+        let convert = |x, y| {
+            let at = plane.to_geographic(FloorPoint { x, y }.at_height(0.0));
+            [at.latitude.to_degrees(), at.longitude.to_degrees()]
+        };
+        array::each(x.py(), [x, y], ["x", "y"], convert)
+    }
+
+    /// Converts latitude and longitude (WGS84) to floor points. Raises ValueError for a site without a
+    /// georeference.
+    ///
+    /// Args:
+    ///     lat, lon: numbers or arrays, in degrees.
+    ///
+    /// Returns:
+    ///     (x, y): arrays of their shape, in metres.
+    fn geographic_to_floor<'py>(
+        &self,
+        lat: &Bound<'py, PyAny>,
+        lon: &Bound<'py, PyAny>,
+    ) -> PyResult<Pair<'py>> {
+        let plane = self.tangent_plane(lat.py())?;
+        let convert = |lat: f64, lon: f64| plane.floor_of_degrees([lat, lon]).into();
+        array::each(lat.py(), [lat, lon], ["lat", "lon"], convert)
+    }
+
     /// Calibrates the site from its annotations and entered values.
     ///
     /// A camera that cannot be solved does not prevent the others. Its reason is in `findings`.
@@ -201,6 +237,14 @@ impl Site {
         let plan = self.0.plan.as_ref().map(calib_site::Plan::scale);
         plan.ok_or_else(|| {
             value_error(py, None, "plan", "the site has no plan; add \"plan\" with \"metres_per_px\"")
+        })
+    }
+
+    fn tangent_plane(&self, py: Python<'_>) -> PyResult<TangentPlane> {
+        self.0.tangent_plane().ok_or_else(|| {
+            let what = "the site has no georeference; add \"georeference\", or two control points with \"lat_deg\" \
+                        and \"lon_deg\"";
+            value_error(py, None, "georeference", what)
         })
     }
 

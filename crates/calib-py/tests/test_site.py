@@ -230,6 +230,18 @@ def test_plan_and_floor_convert_both_ways(folder: Path) -> None:
     assert calib.Site(calib.site_document([])).plan_metres_per_px is None
 
 
+def test_floor_and_geographic_coordinates_convert_both_ways(folder: Path) -> None:
+    shop = calib.Site.open(folder / "demo" / "solved.json")
+    with pytest.raises(ValueError, match="georeference"):
+        shop.floor_to_geographic(0.0, 0.0)
+    document = {**shop.to_dict(), "georeference": {"lat_deg": 48.0, "lon_deg": 11.0, "x_axis_azimuth_deg": 90.0}}
+    placed = calib.Site(document)
+    lat, lon = placed.floor_to_geographic(np.array([0.0, 100.0]), np.array([0.0, 0.0]))
+    # 100 m to the east at 48 degrees of latitude.
+    assert lat[0] == pytest.approx(48.0) and lon[1] - lon[0] == pytest.approx(0.0013412, abs=1e-6)
+    np.testing.assert_allclose(placed.geographic_to_floor(lat, lon), ([0.0, 100.0], [0.0, 0.0]), atol=1e-3)
+
+
 def test_images_of_a_stream_are_undistorted_directly(site: calib.Site) -> None:
     camera = site.camera("camera-2", stream_size=(960, 540))
     straight = camera.undistorter("all-valid")

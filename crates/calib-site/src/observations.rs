@@ -116,7 +116,10 @@ impl Site {
         let sigma = Some(point.position_sigma()).filter(|sigma| *sigma > 0.0);
         let pixel_sigma = point.sigma_px.unwrap_or(noise);
         let seen = Observation { sigma: pixel_sigma, ..Observation::new(camera, point.px) };
-        Some(Landmark { keep: point.keep, off: point.off, ..Landmark::measured(at, sigma, vec![seen]) })
+        let measured = Landmark::measured(at, sigma, vec![seen]);
+        let is_level = point.world_m.is_none() && point.alt_m.is_none();
+        let landmark = if is_level { with_exact_height(measured) } else { measured };
+        Some(Landmark { keep: point.keep, off: point.off, ..landmark })
     }
 
     /// Returns the landmark of a link. A point with geographic coordinates is a measured point of known height.
@@ -131,14 +134,8 @@ impl Site {
         let at = self.world_of_survey(&SurveyedPosition::of_link(link));
         let Some((at, sigma)) = at.zip(link.sigma_m) else { return landmark };
         let measured = Landmark::measured(at, Some(sigma), landmark.observations);
-        let is_level = |(k, _): &(usize, Prior)| *k < 2;
-        Landmark {
-            free: [true, true, false],
-            priors: measured.priors.iter().copied().filter(is_level).collect(),
-            keep: link.keep,
-            off: link.off,
-            ..measured
-        }
+        let measured = if link.alt_m.is_none() { with_exact_height(measured) } else { measured };
+        Landmark { keep: link.keep, off: link.off, ..measured }
     }
 
     /// Removes a camera's only control point, which does not determine the yaw. It is kept if the camera is
@@ -226,6 +223,14 @@ impl SiteObservations {
             }
         }
     }
+}
+
+/// Returns a measured point whose height above the floor is exact: on a map or plan, only the horizontal position
+/// has the error of the survey.
+fn with_exact_height(mut measured: Landmark) -> Landmark {
+    measured.free[2] = false;
+    measured.priors.retain(|(k, _)| *k < 2);
+    measured
 }
 
 /// Returns the standard deviation of the annotations of a camera, in pixels.

@@ -1,7 +1,7 @@
 //! Panel of ground points: points with known coordinates that wait for a click in an image.
 
 use calib_editor::{Action, PointAction};
-use calib_site::{GroundPoint, Site, typed_degrees};
+use calib_site::{CoordinateSystem, GroundPoint, Site, typed_degrees};
 use egui::{DragValue, RichText, TextEdit, Ui, Vec2};
 
 use crate::icons::{self, Icon, Look};
@@ -20,6 +20,35 @@ pub(crate) fn ground_points_ui(app: &mut App, ui: &mut Ui) {
         point_row(app, ui, point);
     }
     new_point(app, ui);
+    grid_field(app, ui);
+}
+
+/// Shows the field for the grid of points with east and north.
+fn grid_field(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let site = &app.editor.session().site;
+    let known = site.crs.clone().unwrap_or_default();
+    let id = ui.scope_id().with("grid");
+    let mut text = ui.data(|data| data.get_temp::<String>(id)).unwrap_or_else(|| known.clone());
+    let field = ui.horizontal(|ui| {
+        let label = ui.label(RichText::new("Grid of east and north").color(palette.text2));
+        ui.add(TextEdit::singleline(&mut text).hint_text("EPSG:25832").desired_width(96.0))
+            .labelled_by(label.id)
+    });
+    if !field.inner.lost_focus() {
+        ui.data_mut(|data| data.insert_temp(id, text));
+        return;
+    }
+    ui.data_mut(|data| data.remove::<String>(id));
+    let text = text.trim().to_uppercase();
+    if text == known {
+        return;
+    }
+    match (text.is_empty(), CoordinateSystem::new(&text)) {
+        (true, _) => app.send(Action::Points(PointAction::SetGrid(None))),
+        (false, Ok(_)) => app.send(Action::Points(PointAction::SetGrid(Some(text)))),
+        (false, Err(error)) => app.send(Action::SetError(format!("Grid {text}: expected {error}."))),
+    }
 }
 
 /// Shows a ground point: its id, the cameras in which it is clicked, and, if it is chosen, its coordinates.

@@ -8,7 +8,7 @@
 //! is computed by the method of B. R. Bowring, "Transformation from spatial to geographical coordinates", Survey
 //! Review 23, 1976.
 
-use crate::camera::{WorldPoint, sin_cos};
+use crate::camera::{FloorPoint, WorldPoint, sin_cos};
 
 /// Semi-major axis of the ellipsoid, in metres.
 const SEMI_MAJOR_AXIS: f64 = 6_378_137.0;
@@ -70,6 +70,8 @@ pub struct TangentPlane {
     axes: [[f64; 3]; 3],
     /// Sine and cosine of the azimuth of world +x.
     azimuth: (f64, f64),
+    /// Height of the floor above the ellipsoid, in metres.
+    height: f64,
 }
 
 impl TangentPlane {
@@ -84,7 +86,7 @@ impl TangentPlane {
         let (sin, cos) = sin_cos(x_axis_azimuth);
         let x = std::array::from_fn(|i| sin * east[i] + cos * north[i]);
         let y = std::array::from_fn(|i| -cos * east[i] + sin * north[i]);
-        Self { origin: origin.earth_centred(), axes: [x, y, up], azimuth: (sin, cos) }
+        Self { origin: origin.earth_centred(), axes: [x, y, up], azimuth: (sin, cos), height: origin.height }
     }
 
     /// Maps a world point to geographic coordinates.
@@ -103,6 +105,14 @@ impl TangentPlane {
         let offset: [f64; 3] = std::array::from_fn(|i| at[i] - self.origin[i]);
         let [x, y, z] = self.axes.map(|axis| (0..3).map(|i| axis[i] * offset[i]).sum());
         WorldPoint { x, y, z }
+    }
+
+    /// Returns the floor point at a latitude and longitude, in degrees. Its height above the floor is 0.
+    #[must_use]
+    pub fn floor_of_degrees(&self, [latitude, longitude]: [f64; 2]) -> FloorPoint {
+        let (latitude, longitude) = (latitude.to_radians(), longitude.to_radians());
+        // The horizontal position depends on the height only to second order, beyond a kilometre.
+        self.to_world(Geographic { latitude, longitude, height: self.height }).on_floor()
     }
 
     /// Returns the standard deviations toward east and north of a point with the standard deviations `x` and

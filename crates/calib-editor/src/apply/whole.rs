@@ -29,6 +29,22 @@ impl Editor {
             PointAction::SetGroundPoint(point) => self.set_ground_point(*point),
             PointAction::RemoveGroundPoint(id) => self.remove_ground_point(&id),
             PointAction::SetControl(index, point) => self.set_control(index, *point),
+            PointAction::SetGrid(grid) => self.set_grid(grid),
+        }
+    }
+
+    /// Sets the grid of the site. Refuses a grid in which the points of the site have no valid place.
+    fn set_grid(&mut self, crs: Option<String>) {
+        self.cancel();
+        let changed = Site { crs, ..self.session.site.clone() };
+        match changed.check() {
+            Ok(()) => {
+                self.session.site.crs = changed.crs;
+                self.session.commit("change the grid");
+            }
+            Err(error) => {
+                self.error = Some(format!("This grid does not fit the points of the site: {error}"))
+            }
         }
     }
 
@@ -151,6 +167,12 @@ impl Editor {
     pub(super) fn import(&mut self, site: Site, notes: &[String]) {
         let is_alone = site.cameras.len() == 1;
         let (mut lenses, mut added) = (0, 0);
+        if site.ground_points.iter().any(|point| point.crs_m.is_some()) && self.session.site.crs.is_none() {
+            let error = "The points are in a grid. Enter the grid of the site in the panel Points to click, such as \
+                         EPSG:25832, and import the file again.";
+            self.error = Some(error.into());
+            return;
+        }
         let points = self.import_ground_points(site.ground_points);
         for camera in site.cameras {
             match self.import_camera(camera, is_alone) {

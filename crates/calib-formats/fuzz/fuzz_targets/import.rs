@@ -34,6 +34,10 @@ const FORMATS: &[(&str, Names)] = &[
     ("caliscope", Names::OneOf(&["a.toml"])),
     ("fspy", Names::OneOf(&["a.fspy"])),
     ("worldfile", Names::OneOf(&["a.pgw"])),
+    ("gpx", Names::OneOf(&["a.gpx"])),
+    ("kml", Names::OneOf(&["a.kml"])),
+    ("geojson", Names::OneOf(&["a.geojson"])),
+    ("points", Names::OneOf(&["a.csv"])),
 ];
 
 static FORMAT: LazyLock<&(&str, Names)> = LazyLock::new(|| {
@@ -58,6 +62,10 @@ fuzz_target!(init: setrlimit(Resource::AS, MEMORY, MEMORY).expect("the memory li
     };
     let format = calib_formats::format(name).expect("the format is missing in the registry");
     let Ok(imported) = import(format, &files) else { return };
+    // The grid of points is stated beside the file.
+    if imported.site.ground_points.iter().any(|point| point.crs_m.is_some()) {
+        return;
+    }
     if let Err(error) = Site::from_json(&imported.site.to_json()) {
         panic!("the imported site is invalid: {error}");
     }
