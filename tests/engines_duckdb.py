@@ -26,7 +26,8 @@ rows = base.execute(
     FROM single AS s JOIN calib_floor AS f ON s.id = f.id GROUP BY s.camera_id ORDER BY s.camera_id
     """
 ).fetchall()
-mapped = base.execute(
+has_map = base.execute("SELECT count(*) FROM duckdb_views() WHERE view_name = 'calib_map'").fetchone()[0]
+mapped = has_map and base.execute(
     """
     SELECT s.camera_id, max(111e3 * sqrt((s.lat_deg - f.lat_deg) ** 2 + (0.67 * (s.lon_deg - f.lon_deg)) ** 2))
     FROM single AS s JOIN calib_map AS f ON s.id = f.id WHERE sqrt(s.x_m ** 2 + s.y_m ** 2) < 3000 GROUP BY s.camera_id
@@ -34,6 +35,6 @@ mapped = base.execute(
 ).fetchall()
 names = ["camera", "rows", "mapped", "one_sided", "relative", "in_efov_m"]
 found = {row[0]: dict(zip(names, row)) for row in rows}
-for camera, metres in mapped:
+for camera, metres in mapped or []:
     found[camera]["on_map_m"] = metres
 print(json.dumps(found))

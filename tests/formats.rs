@@ -4,8 +4,8 @@
 
 use calib_core::{BrownConrady, Camera, Covariance, Distortion, Extent, Lens, Pixel, WorldPoint};
 
-use calib_formats::{Export, ExportOptions, FORMATS, File, PlaneTreatment, export, format, import};
-use calib_site::{Method, Site, SiteCamera, Solution, Stage};
+use calib_formats::{Export, ExportOptions, FORMATS, File, Format, PlaneTreatment, export, format, import};
+use calib_site::{Georeference, Method, Site, SiteCamera, Solution, Stage};
 use calib_tests::{Scratch, peers_python};
 use proptest::prelude::*;
 use serde_json::{Value, json};
@@ -43,6 +43,12 @@ fn site(camera: &Camera) -> Site {
     let solution = Solution::from_camera(camera, Method::Given, Stage::Placed);
     let entry = SiteCamera { solution: Some(solution), ..SiteCamera::new("yard", SIZE) };
     Site { cameras: vec![entry], ..Site::new() }
+}
+
+/// Returns the site with a georeference if the format needs one.
+fn placed(format: &Format, site: Site) -> Site {
+    let georeference = Georeference { lat_deg: 50.0, lon_deg: 8.0, x_axis_azimuth_deg: 90.0, alt_m: None };
+    Site { georeference: format.needs_georeference.then_some(georeference), ..site }
 }
 
 fn distorted() -> Camera {
@@ -539,9 +545,10 @@ fn rectified_export_contains_the_remap_table() {
 #[test]
 fn lossy_exports_are_refused_unless_allowed() {
     let scratch = Scratch::new();
-    scratch.write("distorted.json", site(&distorted()).to_json());
     for format in FORMATS.iter().filter(|format| format.can_export()) {
-        let export = exported(format.name, &site(&distorted()), format.extensions[0]);
+        let site = placed(format, site(&distorted()));
+        scratch.write("distorted.json", site.to_json());
+        let export = exported(format.name, &site, format.extensions[0]);
         let folder = format!("out-{}", format.name);
         let ended = scratch.calib(&["export", format.name, "distorted.json", "-o", &folder]);
         if export.losses.is_empty() {
@@ -609,8 +616,9 @@ fn readme_table_matches_the_registry() {
 
 #[test]
 fn stretched_export_needs_permission() {
-    let scratch = scratch_of(&site(&pinhole()));
+    let scratch = Scratch::new();
     for format in FORMATS.iter().filter(|format| format.can_export()) {
+        scratch.write("site.json", placed(format, site(&pinhole())).to_json());
         let folder = format!("out-{}", format.name);
         let args = ["export", format.name, "site.json", "-o", &folder, "--rescale", "640x640"];
         let run = scratch.calib(&args).expect_code(5);
@@ -759,7 +767,7 @@ fn geojson_describes_its_fields() {
     let said = document["fields"]["heading_deg"].as_str().unwrap();
     assert!(said.contains("counter-clockwise from +x"), "{said}");
     site.georeference =
-        Some(calib_site::Georeference { lat_deg: 50.0, lon_deg: 8.0, x_axis_azimuth_deg: 90.0, alt_m: None });
+        Some(Georeference { lat_deg: 50.0, lon_deg: 8.0, x_axis_azimuth_deg: 90.0, alt_m: None });
     let document = json_of(&exported("geojson", &site, "geojson"), "site.geojson");
     assert!(document["fields"]["azimuth_deg"].as_str().unwrap().contains("clockwise from north"));
 }
@@ -886,8 +894,8 @@ proptest! {
 
     #[test]
     fn corrupt_file_is_an_error_with_its_place(cut in 0.0..1.0_f64, byte in any::<u8>(), at in 0.0..1.0_f64) {
-        let site = site(&distorted());
         for format in FORMATS.iter().filter(|format| format.can_export() && format.can_import()) {
+            let site = placed(format, site(&distorted()));
             for extension in format.extensions {
                 let files = exported(format.name, &site, extension).files;
                 let share = |length: usize, share: f64| (length as f64 * share) as usize;
@@ -1047,7 +1055,7 @@ fn with_planes() -> Site {
 fn planes_are_exported_or_reported_as_lost() {
     let planes = with_planes();
     for format in FORMATS.iter().filter(|format| format.can_export()) {
-        let export = exported(format.name, &planes, format.extensions[0]);
+        let export = exported(format.name, &placed(format, planes.clone()), format.extensions[0]);
         let losses: Vec<String> = export.losses.iter().map(ToString::to_string).collect();
         let reported = losses.iter().chain(&export.notes).filter(|what| what.contains("\"ramp\"")).count();
         let is_written = export.files.iter().any(|file| file.bytes.windows(4).any(|bytes| bytes == b"ramp"));
@@ -1080,7 +1088,7 @@ fn geojson_contains_plane_regions_with_height_and_fall() {
     assert!(document["fields"]["toward_deg"].as_str().unwrap().contains("counter-clockwise"));
     // World +x points east: 30 degrees counter-clockwise from it is an azimuth of 60 degrees.
     site.georeference =
-        Some(calib_site::Georeference { lat_deg: 50.0, lon_deg: 8.0, x_axis_azimuth_deg: 90.0, alt_m: None });
+        Some(Georeference { lat_deg: 50.0, lon_deg: 8.0, x_axis_azimuth_deg: 90.0, alt_m: None });
     let document = json_of(&exported("geojson", &site, "geojson"), "site.geojson");
     assert!((number(&region(&document), "toward_azimuth_deg") - 60.0).abs() < 1e-9);
 }

@@ -110,6 +110,8 @@ pub enum Problem {
     WriteOnly,
     /// No camera of the site is calibrated.
     NothingToExport,
+    /// The format needs positions on the map, and the site has no georeference.
+    NoGeoreference,
     /// Several periods share the id of one camera.
     SeveralPeriods,
     /// A camera's id must be a file name, and is not.
@@ -211,6 +213,10 @@ impl Problem {
             Self::ReadOnly => "can be imported but not exported",
             Self::WriteOnly => "can be exported but not imported",
             Self::NothingToExport => "has no calibrated camera; solve it first",
+            Self::NoGeoreference => {
+                "has no georeference, so that no position on the map is known; add \"georeference\", or two control points \
+                 with \"lat_deg\" and \"lon_deg\""
+            }
             Self::SeveralPeriods => "several periods have this id; choose one with --at TIME",
             Self::InvalidFileName => {
                 "this id is used as a file name, but is not a valid or unique one; use letters, digits, \".\", \

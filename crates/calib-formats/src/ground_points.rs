@@ -298,7 +298,7 @@ impl Points {
 
 /// Writes the positions of the cameras as waypoints.
 pub(crate) fn write_gpx(scene: &Scene, export: &mut Export) {
-    let Some(earth) = scene.site.georeference() else { return report_no_georeference(export) };
+    let Some(earth) = scene.site.georeference() else { return };
     let mut text = String::from(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
          <gpx version=\"1.1\" creator=\"calib\" xmlns=\"http://www.topografix.com/GPX/1/1\">\n",
@@ -321,7 +321,7 @@ pub(crate) fn write_gpx(scene: &Scene, export: &mut Export) {
 
 /// Writes the cameras as placemarks, with their EFOVs as polygons.
 pub(crate) fn write_kml(scene: &Scene, export: &mut Export) {
-    let Some(earth) = scene.site.georeference() else { return report_no_georeference(export) };
+    let Some(earth) = scene.site.georeference() else { return };
     let mut text = String::from(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<kml xmlns=\"http://www.opengis.net/kml/2.2\"><Document>\n\
          <Style id=\"efov\"><LineStyle><color>ffb27200</color><width>2</width></LineStyle>\
@@ -354,17 +354,6 @@ pub(crate) fn write_kml(scene: &Scene, export: &mut Export) {
     }
     text.push_str("</Document></kml>\n");
     export.push("site.kml", text);
-}
-
-/// Reports that nothing is written, because the site has no georeference.
-fn report_no_georeference(export: &mut Export) {
-    export.losses.push(crate::export::Loss {
-        camera: None,
-        description:
-            "the site has no georeference, so that no position on the map is known: add \"georeference\", or \
-                      two control points with lat_deg and lon_deg"
-                .into(),
-    });
 }
 
 #[cfg(test)]

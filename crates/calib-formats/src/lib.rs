@@ -82,6 +82,9 @@ pub fn export(format: &Format, site: &Site, options: &ExportOptions) -> Result<E
     if views.is_empty() {
         return Err(FormatError::new("the site", Problem::NothingToExport));
     }
+    if format.needs_georeference && site.georeference().is_none() {
+        return Err(FormatError::new("the site", Problem::NoGeoreference));
+    }
     if format.names_files_by_id
         && let Some(view) = views.iter().find(|view| view.file != view.id)
     {

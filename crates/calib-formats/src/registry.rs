@@ -35,6 +35,8 @@ pub struct Format {
     /// Whether the format contains camera positions, so that a camera that was not placed misleads its
     /// readers.
     pub has_positions: bool,
+    /// Whether the format needs the georeference of the site.
+    pub needs_georeference: bool,
     /// Whether the format distinguishes the periods of a camera.
     pub has_periods: bool,
     /// Whether the format contains the plan, so that [`ExportOptions::plan`](crate::ExportOptions::plan) is
@@ -73,6 +75,7 @@ impl Format {
         planes: PlaneTreatment::LeftOut,
         lenses: &[],
         has_positions: true,
+        needs_georeference: false,
         has_periods: false,
         shows_plan: false,
         is_table: false,
@@ -268,6 +271,7 @@ pub const FORMATS: &[Format] = &[
         extensions: &["kml"],
         contains: "position, heading, EFOV",
         lacks: "lens, orientation, standard deviations, planes other than the floor",
+        needs_georeference: true,
         write: Some(ground_points::write_kml),
         read: Some(ground_points::read_kml),
         units: "degrees of WGS84; m",
@@ -281,6 +285,7 @@ pub const FORMATS: &[Format] = &[
         extensions: &["gpx"],
         contains: "position, heading",
         lacks: "lens, orientation, EFOV, standard deviations, planes other than the floor",
+        needs_georeference: true,
         write: Some(ground_points::write_gpx),
         read: Some(ground_points::read_gpx),
         units: "degrees of WGS84; m",

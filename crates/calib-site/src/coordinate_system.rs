@@ -221,19 +221,19 @@ mod tests {
     proptest! {
         #[test]
         fn conversion_to_the_grid_and_back_is_exact(
-            (code, lat, lon) in prop_oneof![
-                Just((25832, 52.0, 9.0)), Just((32733, -33.0, 15.0)), Just((2154, 46.0, 3.0)),
-                Just((2056, 46.9, 7.4)), Just((27700, 53.0, -2.0)), Just((28992, 52.2, 5.4)),
-                Just((2263, 40.7, -74.0)), Just((3857, 10.0, 20.0)),
+            // 1e-11 radians are 0.06 mm. Between datums, the height above the other ellipsoid is lost.
+            (code, lat, lon, tolerance) in prop_oneof![
+                Just((25832, 52.0, 9.0, 1e-11)), Just((32733, -33.0, 15.0, 1e-11)), Just((2154, 46.0, 3.0, 1e-11)),
+                Just((2056, 46.9, 7.4, 1e-9)), Just((27700, 53.0, -2.0, 1e-9)), Just((28992, 52.2, 5.4, 1e-9)),
+                Just((2263, 40.7, -74.0, 1e-11)), Just((3857, 10.0, 20.0, 1e-11)),
             ],
             north in -0.5..0.5_f64, east in -0.5..0.5_f64,
         ) {
             let system = CoordinateSystem::new(&format!("EPSG:{code}")).unwrap();
             let point = at(lat + north, lon + east);
             let back = system.to_geographic(system.from_geographic(point).unwrap()).unwrap();
-            // 1e-11 radians are 0.06 mm.
-            prop_assert!((back.latitude - point.latitude).abs() < 1e-11, "{back:?} {point:?}");
-            prop_assert!((back.longitude - point.longitude).abs() < 1e-11, "{back:?} {point:?}");
+            prop_assert!((back.latitude - point.latitude).abs() < tolerance, "{back:?} {point:?}");
+            prop_assert!((back.longitude - point.longitude).abs() < tolerance, "{back:?} {point:?}");
         }
     }
 

@@ -63,8 +63,19 @@ impl GeoreferenceFit {
     /// Fits the georeference to at least two points at different places; otherwise `None`.
     #[must_use]
     pub fn new(pairs: &[GeographicPair]) -> Option<Self> {
-        let first = pairs.first()?.geographic;
-        let plane = TangentPlane::new(Geographic { height: 0.0, ..first }, std::f64::consts::FRAC_PI_2);
+        /// Number of repetitions with the plane at the last estimate of the origin. Meridians converge, so that
+        /// north at a point differs from north at the origin.
+        const REPETITIONS: usize = 3;
+        let mut found = Self::in_plane(pairs, pairs.first()?.geographic)?;
+        for _ in 0..REPETITIONS {
+            found = Self::in_plane(pairs, found.origin)?;
+        }
+        Some(found)
+    }
+
+    /// Fits the georeference in the plane that touches the ellipsoid at `touching`.
+    fn in_plane(pairs: &[GeographicPair], touching: Geographic) -> Option<Self> {
+        let plane = TangentPlane::new(Geographic { height: 0.0, ..touching }, std::f64::consts::FRAC_PI_2);
         let weighted = |pair: &GeographicPair| {
             let at = plane.to_world(Geographic { height: 0.0, ..pair.geographic });
             Weighted { coordinates: [pair.world.x, pair.world.y, at.x, at.y], weight: pair.sigma.powi(-2) }

@@ -43,7 +43,7 @@ impl Editor {
                 self.session.commit("change the grid");
             }
             Err(error) => {
-                self.error = Some(format!("This grid does not fit the points of the site: {error}"))
+                self.error = Some(format!("This grid does not fit the points of the site: {error}"));
             }
         }
     }
