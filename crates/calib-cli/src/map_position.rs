@@ -51,15 +51,16 @@ impl PlanFile {
         Ok(Self { path: image, bytes, position: None, overlay: Some(text) })
     }
 
-    /// Returns the position of the image of this size, in pixels. `crs` is the grid of a file that states none.
+    /// Returns the position of the picture of this size, in pixels, each of which is a square of `reduction` pixels
+    /// of the file. `crs` is the grid of a file that states none.
     pub(crate) fn position(
         &self,
-        size: [u32; 2],
+        (size, reduction): ([u32; 2], u32),
         crs: Option<&CoordinateSystem>,
     ) -> Result<Option<MapPosition>, CommandError> {
         let of_overlay = || ImagePosition::from_kml(self.overlay.as_ref()?, size.map(f64::from));
         let (found, from) = match &self.position {
-            Some((found, from)) => (*found, from.as_str()),
+            Some((found, from)) => (found.reduced(reduction), from.as_str()),
             None => match of_overlay() {
                 Some(found) => (found, "the ground overlay"),
                 None => return Ok(None),

@@ -147,7 +147,7 @@ fn read_plan(
     let Some(drawing) = drawing else {
         let image = calib_input::decode(bytes).map_err(|error| invalid(error.to_string()))?;
         let size = image.dimensions().into();
-        let position = file.position(size, crs)?.filter(|_| given.is_none());
+        let position = file.position((size, 1), crs)?.filter(|_| given.is_none());
         return Ok(ReadPlan { drawing: None, size, image: Some(image), scale: given, position });
     };
     let facts = &drawing.facts;
@@ -173,7 +173,8 @@ fn read_plan(
         Some((facts.metres_per_px?, source))
     };
     let scale = given.or(by_option).or_else(own);
-    Ok(ReadPlan { size: facts.size, scale, drawing: Some(drawing), image: None, position: None })
+    let position = file.position((facts.size, facts.reduction), crs)?.filter(|_| scale.is_none());
+    Ok(ReadPlan { size: facts.size, scale, drawing: Some(drawing), image: None, position })
 }
 
 /// Returns the plan entry of a site.
@@ -294,6 +295,7 @@ fn as_json(
 
 fn name(kind: DrawingKind) -> &'static str {
     match kind {
+        DrawingKind::LargeTiff => "large TIFF",
         DrawingKind::Svg => "svg",
         DrawingKind::Pdf => "pdf",
         DrawingKind::Dxf => "dxf",

@@ -20,6 +20,8 @@ pub enum DrawingKind {
     Dxf,
     /// Format of `AutoCAD` that is not read.
     Dwg,
+    /// TIFF image that is too large for its full resolution.
+    LargeTiff,
 }
 
 impl DrawingKind {
@@ -103,6 +105,8 @@ pub struct DrawingFacts {
     pub kind: DrawingKind,
     /// Width and height of the picture, in pixels.
     pub size: [u32; 2],
+    /// Side of the square of pixels of the file that is one pixel of the picture; 1 except for a large TIFF.
+    pub reduction: u32,
     /// Size of a pixel on paper, in metres; `None` if the drawing has no paper size.
     pub paper_metres_per_px: Option<f64>,
     /// Drawing units per pixel of a DXF.
@@ -131,6 +135,7 @@ impl DrawingFacts {
         Self {
             kind,
             size,
+            reduction: 1,
             paper_metres_per_px: None,
             units_per_px: None,
             metres_per_px: None,

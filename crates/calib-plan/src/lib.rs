@@ -5,7 +5,8 @@
 //!
 //! - PDF: 150 pixels per inch of paper, fewer if a side would exceed 6,144 pixels;
 //! - DXF: a round number of drawing units per pixel, so that the longer side has 3,072 to 4,096 pixels;
-//! - SVG: 3,072 pixels on the longer side.
+//! - SVG: 3,072 pixels on the longer side;
+//! - TIFF above 60 megapixels: means of squares of pixels, at most 40 megapixels.
 //!
 //! The drawing states its scale: a DXF by its unit, a PDF by a text such as "1:100" and its paper size. Otherwise the
 //! scale is unknown. Nothing is guessed.
@@ -20,6 +21,7 @@
 //! - `drawing`: result of reading, and recognition of file types;
 //! - `pdf`: pages of PDF documents, as SVG;
 //! - `dxf`: lines, texts and layers of DXF drawings, as SVG;
+//! - `large_tiff`: TIFF images in parts;
 //! - `map_position`: position of a georeferenced image on the map;
 //! - `read`: reading of a drawing of any type.
 
@@ -38,6 +40,8 @@ mod drawing;
 mod pdf;
 mod dxf;
 mod map_position;
+#[cfg(feature = "raster")]
+mod large_tiff;
 mod read;
 
 pub use drawing::{Drawing, DrawingFacts, DrawingKind, Layer, Picture, ScaleSource, View};

@@ -35,6 +35,16 @@ impl ImagePosition {
         Self { transform, system }
     }
 
+    /// Returns the position of the image with every side divided by `by`, as large images are shown.
+    #[must_use]
+    pub fn reduced(mut self, by: u32) -> Self {
+        for row in &mut self.transform {
+            row[0] *= f64::from(by);
+            row[1] *= f64::from(by);
+        }
+        self
+    }
+
     /// Reads a world file: six numbers A, D, B, E, C, F for `east = A i + B j + C` and `north = D i + E j + F` of
     /// pixel indices i and j. Returns `None` for other texts.
     #[must_use]

@@ -11,7 +11,12 @@ use crate::error::PlanError;
 ///
 /// Fails if the drawing is damaged or too large, if the page does not exist, or if its type cannot be read here.
 pub fn read(bytes: &[u8], view: &View) -> Option<Result<Drawing, PlanError>> {
+    #[cfg(feature = "raster")]
+    if let Some(large) = crate::large_tiff::read(bytes) {
+        return Some(large);
+    }
     Some(match DrawingKind::of(bytes)? {
+        DrawingKind::LargeTiff => return None,
         DrawingKind::Dxf => crate::dxf::read(bytes, view),
         DrawingKind::Dwg => Err(PlanError::Unsupported(
             "this is a DWG drawing, which cannot be read here; save it as DXF or PDF".into(),

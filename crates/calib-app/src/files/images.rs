@@ -200,8 +200,10 @@ impl App {
                 image_circle: calib_image::image_circle(&decoded.image),
             },
             drawn,
+            position: ImagePosition::from_geotiff(bytes).map(|position| {
+                position.reduced(decoded.drawing.as_ref().map_or(1, |drawing| drawing.reduction))
+            }),
             drawing: decoded.drawing,
-            position: ImagePosition::from_geotiff(bytes),
         })
     }
 
