@@ -52,7 +52,7 @@ pub(crate) fn merge(file: SiteFile, imported: Site, replaces: bool) -> Result<Si
     Ok(site)
 }
 
-/// Adds the ground points, and replaces those of the same id.
+/// Adds the ground points, and replaces points with the same id.
 fn merge_ground_points(
     site: &mut Site,
     points: Vec<GroundPoint>,
@@ -62,16 +62,11 @@ fn merge_ground_points(
     if let (Some(known), Some(new)) = (&site.crs, &crs)
         && !known.eq_ignore_ascii_case(new)
     {
-        let what = format!("the site has the grid {known}; --crs {new} is another one");
+        let what = format!("the site has the grid {known}, and --crs {new} differs");
         return Err(CommandError::invalid(path, what));
     }
     site.crs = site.crs.take().or(crs);
-    for point in points {
-        match site.ground_points.iter_mut().find(|known| known.id == point.id) {
-            Some(known) => *known = point,
-            None => site.ground_points.push(point),
-        }
-    }
+    points.into_iter().for_each(|point| site.set_ground_point(point));
     Ok(())
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use calib_plan::{ImagePosition, KmlOverlay, MapSystem, system_of_wkt};
+use calib_plan::{DrawingKind, ImagePosition, KmlOverlay, MapSystem, system_of_wkt};
 use calib_site::{CoordinateSystem, MAX_BYTES, MapPosition};
 
 use crate::files::print_message;
@@ -33,13 +33,17 @@ impl PlanFile {
             ));
         }
         if !has_ending(path, "kml") {
-            let position = ImagePosition::from_geotiff(&bytes).map(|position| (position, file.to_owned()));
-            let position = position.map_or_else(|| beside(path), |found| Ok(Some(found)))?;
+            let position = match ImagePosition::from_geotiff(&bytes) {
+                Some(found) => Some((found, file.to_owned())),
+                // World files of drawings have another meaning.
+                None if DrawingKind::of(&bytes).is_some() => None,
+                None => beside(path)?,
+            };
             return Ok(Self { path: path.to_owned(), bytes, position, overlay: None });
         }
         let text = String::from_utf8(bytes).map_err(|_| CommandError::invalid(file, "not UTF-8 text"))?;
         let Some(overlay) = KmlOverlay::read(&text) else {
-            let what = "no ground overlay; for points, use `calib import kml`";
+            let what = "no ground overlay with a LatLonBox; for points, use `calib import kml`";
             return Err(CommandError::invalid(file, what));
         };
         if overlay.image.contains("://") {
@@ -68,16 +72,13 @@ impl PlanFile {
         };
         let system = match (found.system, crs) {
             (MapSystem::Degrees, _) => None,
-            (_, Some(crs)) => Some(crs.clone()),
-            (MapSystem::Projected(code), None) => {
+            (MapSystem::Projected(code), _) => {
                 let name = format!("EPSG:{code}");
                 Some(CoordinateSystem::new(&name).map_err(|error| {
-                    CommandError::invalid(
-                        from,
-                        format!("found the grid {name}, expected {error}; or add --crs"),
-                    )
+                    CommandError::invalid(from, format!("found the grid {name}, expected {error}"))
                 })?)
             }
+            (MapSystem::Unknown, Some(crs)) => Some(crs.clone()),
             (MapSystem::Unknown, None) => {
                 print_message(format_args!(
                     "calib: {from}: states a position without its grid; add --crs EPSG:CODE to use it"

@@ -37,7 +37,7 @@ pub(crate) struct Args {
     /// Size of a pixel in metres, for plans that state no scale
     #[arg(long, value_name = "M", value_parser = pixel_size, conflicts_with_all = ["scale", "unit"])]
     metres_per_px: Option<f64>,
-    /// Grid of a map image that does not state it, such as EPSG:25832
+    /// Grid of a map image without grid information, such as EPSG:25832
     #[arg(long, value_name = "EPSG:CODE", value_parser = grid)]
     crs: Option<CoordinateSystem>,
     /// Site that gets this plan; the positions of its cameras stay
@@ -119,7 +119,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     let format = Format::given_or_usual(args.format);
     files::print(&match format {
         Format::Json => format!("{}\n", as_json(args, path, &read, layers)?),
-        Format::Text => escape_control_characters(&as_text(args, &read)?).into_owned(),
+        Format::Text => escape_control_characters(&as_text(args, &read)).into_owned(),
     })
 }
 
@@ -147,7 +147,7 @@ fn read_plan(
     let Some(drawing) = drawing else {
         let image = calib_input::decode(bytes).map_err(|error| invalid(error.to_string()))?;
         let size = image.dimensions().into();
-        let position = file.position((size, 1), crs)?.filter(|_| given.is_none());
+        let position = if given.is_some() { None } else { file.position((size, 1), crs)? };
         return Ok(ReadPlan { drawing: None, size, image: Some(image), scale: given, position });
     };
     let facts = &drawing.facts;
@@ -173,7 +173,7 @@ fn read_plan(
         Some((facts.metres_per_px?, source))
     };
     let scale = given.or(by_option).or_else(own);
-    let position = file.position((facts.size, facts.reduction), crs)?.filter(|_| scale.is_none());
+    let position = if scale.is_some() { None } else { file.position((facts.size, facts.reduction), crs)? };
     Ok(ReadPlan { size: facts.size, scale, drawing: Some(drawing), image: None, position })
 }
 
@@ -238,6 +238,7 @@ fn write_site(
     ));
     let mut site = file.site;
     site.replace_plan(plan);
+    site.check().map_err(|error| CommandError::invalid(&args.file, format!("with this plan: {error}")))?;
     files::write(output, site.to_json().as_bytes(), args.force)
 }
 
@@ -303,14 +304,14 @@ fn name(kind: DrawingKind) -> &'static str {
     }
 }
 
-fn as_text(args: &Args, read: &ReadPlan) -> Result<String, CommandError> {
+fn as_text(args: &Args, read: &ReadPlan) -> String {
     let [width, height] = read.size;
     let kind = read.drawing.as_ref().map_or("image", |drawing| name(drawing.facts.kind));
     let mut text = format!("{}: {kind}, {width} x {height} pixels\n", args.file);
-    let on_map = match &read.position {
-        Some(position) => Some(on_map(&Site::new(), String::new(), read, position, args)?),
-        None => None,
-    };
+    let on_map = read.position.as_ref().and_then(|position| {
+        let plan = Site::new().plan_on_map(None, read.size, position);
+        plan.map_err(|error| text += &format!("Position: unusable, because {error}\n")).ok()
+    });
     let of_map = on_map.as_ref().map(|plan| (plan.metres_per_px, MAP_SCALE.to_owned()));
     if let Some(corner) = on_map.as_ref().and_then(|plan| plan.georeference.as_ref()) {
         let _ = writeln!(
@@ -341,5 +342,5 @@ fn as_text(args: &Args, read: &ReadPlan) -> Result<String, CommandError> {
             }
         }
     }
-    Ok(text)
+    text
 }

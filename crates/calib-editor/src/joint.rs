@@ -126,6 +126,7 @@ impl Joint {
             && self.solved_cameras().all(|known| self.has_same_family(site, known))
             && self.site.plan.as_ref().map(calib_site::Plan::scale)
                 == site.plan.as_ref().map(calib_site::Plan::scale)
+            && self.site.map_inputs() == site.map_inputs()
             && self.site.scene == site.scene
             && has_same_planes(&self.site.planes, &site.planes)
             && connections(&self.site) == connections(site)
@@ -276,7 +277,9 @@ fn connections(site: &Site) -> Connections<'_> {
     let distances: Vec<_> = site.distances.iter().filter(|distance| !distance.off).collect();
     let is_measured =
         |id: &Option<String>| id.as_ref().is_some_and(|id| distances.iter().any(|d| d.between.contains(id)));
-    let is_tie = |link: &&Link| !link.off && (link.seen.len() > 1 || is_measured(&link.id));
+    let is_surveyed = |link: &Link| link.lat_deg.is_some() || link.crs_m.is_some();
+    let is_tie =
+        |link: &&Link| !link.off && (link.seen.len() > 1 || is_measured(&link.id) || is_surveyed(link));
     let is_pinned = |mark: &&Mark| !mark.off && (!mark.seen.is_empty() || is_measured(&mark.id));
     let links = site.links.iter().filter(is_tie).collect();
     let marks = site.marks.iter().filter(is_pinned).collect();

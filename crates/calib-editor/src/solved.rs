@@ -8,8 +8,8 @@ use calib_core::{
 };
 
 use calib_site::{
-    ElementSolution, FailureEntry, LensCache, Mark, MarkObservation, Names, Plan, PlaneEntry, Report, Scale,
-    SceneEntry, Site, SiteCamera, Solution, Stage, Warning,
+    ElementSolution, FailureEntry, Georeference, LensCache, Mark, MarkObservation, Names, Plan, PlaneEntry,
+    Report, Scale, SceneEntry, Site, SiteCamera, Solution, Stage, Warning,
 };
 use web_time::Instant;
 
@@ -22,6 +22,8 @@ struct LensFamily {
     plan: Option<Plan>,
     scene: Option<SceneEntry>,
     planes: Vec<PlaneEntry>,
+    /// Grid and known georeference of the site.
+    map: (Option<String>, Option<Georeference>),
     /// Marks whose points may determine one of the cameras.
     marks: Vec<Mark>,
     /// For each camera: whether the site has metric coordinates without it.
@@ -35,7 +37,8 @@ impl LensFamily {
         let (plan, planes) = (site.plan.clone(), site.planes.clone());
         let measured = measured(site, family).collect();
         let marks = marks(site, family).cloned().collect();
-        Self { cameras, plan, scene: site.scene, planes, marks, measured, lenses: LensCache::default() }
+        let map = site.map_inputs();
+        Self { cameras, plan, map, scene: site.scene, planes, marks, measured, lenses: LensCache::default() }
     }
 
     /// Whether the inputs are unchanged in `site` for the cameras with these indices.
@@ -47,6 +50,7 @@ impl LensFamily {
                 .zip(family)
                 .all(|(known, &index)| has_same_inputs(known, &site.cameras[index]))
             && self.plan == site.plan
+            && self.map == site.map_inputs()
             && self.scene == site.scene
             && has_same_planes(&self.planes, &site.planes)
             && self.marks.iter().map(shape_inputs).eq(marks(site, family).map(shape_inputs))

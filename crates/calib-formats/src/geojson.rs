@@ -189,13 +189,17 @@ impl PositionError {
         covariance.sigma(Covariance::X).zip(covariance.sigma(Covariance::Y))?;
         let index = [Covariance::X, Covariance::Y];
         let of_camera = |i: usize, j: usize| covariance.0[index[i]][index[j]];
-        let of_map = estimated.map_or([0.0; 2], |found| found.variances(view.camera.position.on_floor()));
+        let of_map =
+            estimated.map_or([[0.0; 2]; 2], |found| found.covariance_at(view.camera.position.on_floor()));
         // World axes in east and north.
         let (sin, cos) = earth.x_axis_azimuth_deg.to_radians().sin_cos();
         let axes = [[sin, cos], [-cos, sin]];
         let covariance = std::array::from_fn(|i| {
             std::array::from_fn(|j| {
-                of_camera(i, j) + (0..2).map(|k| axes[i][k] * axes[j][k] * of_map[k]).sum::<f64>()
+                of_camera(i, j)
+                    + (0..2)
+                        .map(|k| axes[i][k] * (0..2).map(|l| of_map[k][l] * axes[j][l]).sum::<f64>())
+                        .sum::<f64>()
             })
         });
         let [[xx, xy], [_, yy]]: [[f64; 2]; 2] = covariance;

@@ -119,7 +119,7 @@ const NAMES: [(&str, &[&str]); 9] = [
     ("northing", &["northing", "north", "n", "crs_n", "hochwert"]),
     ("x_m", &["x_m"]),
     ("y_m", &["y_m"]),
-    ("height_m", &["height_m", "height", "z_m"]),
+    ("height_m", &["height_m"]),
     ("sigma_m", &["sigma_m", "sigma", "accuracy", "accuracy_m"]),
 ];
 
@@ -272,7 +272,7 @@ impl Points {
         }
         let count = self.list.len();
         let mut notes = vec![format!(
-            "{} to click in the images: in the app, choose the tool \"Control point\" and a point of the list",
+            "{} to click in the images, in the panel \"Points to click\" of the app",
             calib_site::counted(count, "point", "points")
         )];
         let needs_sigma = |point: &GroundPoint| point.sigma_m.is_none() && point.world_m.is_none();
@@ -283,14 +283,12 @@ impl Points {
                 .filter(|point| needs_sigma(point))
                 .for_each(|point| point.sigma_m = Some(sigma));
             notes.push(format!(
-                "an accuracy of {sigma} m is assumed; change \"sigma_m\" if it differs (4 for a phone, 0.5 for an \
-                 aerial image, 0.02 for RTK)"
+                "an accuracy of {sigma} m is assumed; correct it if it differs (4 for a phone, 0.5 for an aerial \
+                 image, 0.02 for RTK)"
             ));
         }
         if self.list.iter().any(|point| point.crs_m.is_some()) {
-            notes.push(
-                "east and north are in the grid of the site; state it with --crs, such as EPSG:25832".into(),
-            );
+            notes.push("east and north are coordinates of the grid of the site (crs)".into());
         }
         Ok(Imported { site: Site { ground_points: self.list, ..Site::new() }, notes })
     }
@@ -395,7 +393,7 @@ mod tests {
 
     #[test]
     fn tables_have_grids_heights_and_accuracies() {
-        let text = "id\teasting\tnorthing\theight\taccuracy\nA\t691608.25\t5334760.5\t1.5\t0.02\n";
+        let text = "id\teasting\tnorthing\theight_m\taccuracy\nA\t691608.25\t5334760.5\t1.5\t0.02\n";
         let found = read_table(&[file("points.txt", text)]).unwrap();
         let point = &found.site.ground_points[0];
         assert_eq!((point.crs_m, point.height_m), (Some([691_608.25, 5_334_760.5]), Some(1.5)));

@@ -308,7 +308,7 @@ fn map_view(plane: &TangentPlane) -> String {
         )
     });
     format!(
-        "\n-- Latitude and longitude (WGS84), within 1 cm up to 3 km from the origin of the site.\n\
+        "\n-- Latitude and longitude (WGS84), within 1 cm up to 3 km from the origin of the site, except near the poles.\n\
          CREATE OR REPLACE TEMPORARY VIEW calib_map AS\nSELECT f.*,\n  {}\nFROM calib_floor AS f;\n",
         columns.collect::<Vec<_>>().join(",\n  ")
     )

@@ -93,7 +93,7 @@ impl ImagePosition {
             (Some(2), _) => MapSystem::Degrees,
             _ => MapSystem::Unknown,
         };
-        // In images of points, coordinates are those of pixel centres.
+        // In images of points, the coordinates belong to pixel centres.
         Some(if key(1025) == Some(2) {
             Self::from_centres(transform, system)
         } else {

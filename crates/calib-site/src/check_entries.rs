@@ -215,6 +215,9 @@ fn check_link(at: &At, link: &Link, cameras: &HashSet<&str>, site: &Site) -> Che
             "no geographic coordinates, except in a link of kind \"point\"",
         );
     }
+    if position.is_entered() && link.plane.is_some() {
+        return at.key("plane").expected("\"plane\"", "no \"plane\" together with geographic coordinates");
+    }
     check_geographic(at, &position, false, site)?;
     count(&at.key("seen"), link.seen.len(), MAX_ITEMS)?;
     for (i, seen) in link.seen.iter().enumerate() {

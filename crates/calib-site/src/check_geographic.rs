@@ -12,7 +12,7 @@ use crate::geographic::SurveyedPosition;
 use crate::site_error::quoted;
 
 /// Largest number of control points and links with geographic coordinates. Each is compared with all others.
-const MAX_GEOGRAPHIC_POINTS: usize = 2_000;
+const MAX_GEOGRAPHIC_POINTS: usize = 500;
 
 /// Checks the coordinate system of the site, and the number of its geographic points.
 pub(crate) fn check_coordinate_system(root: &At, site: &Site) -> Checked {
@@ -53,9 +53,11 @@ pub(crate) fn check_ground_points(root: &At, site: &Site) -> Checked {
                 return at.expected("no coordinates", expected);
             }
         }
-        if position.is_entered() {
-            check_position(&at, &position, site)?;
+        if point.world_m.is_some() && point.height_m.is_some() {
+            let expected = "no \"height_m\" together with \"world_m\", which has the height";
+            return at.key("height_m").expected("\"height_m\"", expected);
         }
+        check_geographic(&at, &position, point.world_m.is_some(), site)?;
     }
     Ok(())
 }
@@ -111,7 +113,7 @@ fn check_position(at: &At, position: &SurveyedPosition, site: &Site) -> Checked 
             return at.expected("\"crs_m\" in a site without \"crs\"", expected);
         }
         if position.geographic(system.as_ref()).is_none() {
-            let expected = "east and north of a point within the grid; they may be exchanged";
+            let expected = "east and north of a point within the grid; check whether they are exchanged";
             return at.expected(format!("{}, {}", grid[0], grid[1]), expected);
         }
         return Ok(());

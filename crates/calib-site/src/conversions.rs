@@ -68,6 +68,30 @@ impl Plan {
 }
 
 impl Site {
+    /// Adds a ground point, or replaces the point with the same id. The clicks on a replaced point get its
+    /// coordinates.
+    pub fn set_ground_point(&mut self, point: GroundPoint) {
+        let Some(known) = self.ground_points.iter_mut().find(|known| known.id == point.id) else {
+            self.ground_points.push(point);
+            return;
+        };
+        let old = std::mem::replace(known, point.clone());
+        let clicks = self.cameras.iter_mut().flat_map(|camera| &mut camera.control_points);
+        for click in clicks.filter(|click| click.id.as_ref() == Some(&point.id)) {
+            // An operator's control point can have the same id by chance.
+            let is_click = ControlPointEntry::at_ground_point(&old, click.px).has_coordinates_of(click);
+            if is_click {
+                let ControlPointEntry { off, keep, px, sigma_px, .. } = *click;
+                *click = ControlPointEntry {
+                    off,
+                    keep,
+                    sigma_px,
+                    ..ControlPointEntry::at_ground_point(&point, px)
+                };
+            }
+        }
+    }
+
     /// Replaces the plan. The cameras and the control points keep their positions in metres: control points that
     /// are given by pixels of the old plan get pixels of the new one. The georeference of the plan stays if the
     /// new plan has none.
@@ -193,6 +217,13 @@ impl ControlPointEntry {
             sigma_px: None,
             sigma_m: None,
         }
+    }
+
+    /// Whether another control point has the same known coordinates.
+    fn has_coordinates_of(&self, other: &Self) -> bool {
+        (self.world_m, self.plan_px, self.height_m) == (other.world_m, other.plan_px, other.height_m)
+            && (self.lat_deg, self.lon_deg, self.crs_m, self.alt_m)
+                == (other.lat_deg, other.lon_deg, other.crs_m, other.alt_m)
     }
 
     /// Creates the control point of a click on a ground point.

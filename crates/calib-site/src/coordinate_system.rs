@@ -16,8 +16,14 @@ use proj4rs::transform::transform;
 /// Definition of WGS84 latitude and longitude.
 const WGS84: &str = "+proj=longlat +datum=WGS84 +no_defs";
 
-/// Codes whose conversion is known to be wrong: the Krovak grids of Czechia and Slovakia, by 16 m.
-const WRONG_CODES: [u16; 4] = [2065, 5513, 5514, 5221];
+/// Whether the conversion of a PROJ definition is reliable. Not reliable are the Krovak grids of Czechia and Slovakia
+/// (wrong by 16 m), grids with south or west axes, and old datums without a transformation to WGS84.
+fn is_reliable(definition: &str) -> bool {
+    let has = |term: &str| definition.split_whitespace().any(|own| own.starts_with(term));
+    let is_modern = has("+ellps=GRS80") || has("+ellps=WGS84");
+    let has_transformation = has("+datum=") || has("+towgs84=") || has("+nadgrids=");
+    !has("+proj=krovak") && (!has("+axis=") || has("+axis=enu")) && (is_modern || has_transformation)
+}
 
 /// Projected coordinate system.
 #[derive(Clone, Debug)]
@@ -35,7 +41,7 @@ pub enum CoordinateSystemError {
     Unknown,
     /// The system has latitudes and longitudes instead of a grid.
     Geographic,
-    /// The projection of the system is not supported.
+    /// The projection, the axes or the datum of the system cannot be converted reliably.
     Unsupported,
 }
 
@@ -47,12 +53,12 @@ impl fmt::Display for CoordinateSystemError {
             Self::Unknown => "the code of a projected grid; see epsg.io",
             #[cfg(not(feature = "epsg"))]
             Self::Unknown => {
-                "the code of UTM or of a common national grid; the installed programs know all codes of epsg.io"
+                "the code of UTM or of a common national grid; the installed programs support all codes of epsg.io"
             }
             Self::Geographic => {
                 "a projected grid; this system has latitude and longitude, for \"lat_deg\" and \"lon_deg\""
             }
-            Self::Unsupported => "another grid, such as UTM; the projection of this one is not supported",
+            Self::Unsupported => "another grid, such as UTM; this one cannot be converted reliably",
         })
     }
 }
@@ -68,14 +74,14 @@ impl CoordinateSystem {
         let is_epsg = name.get(..5).is_some_and(|prefix| prefix.eq_ignore_ascii_case("EPSG:"));
         let digits = name.get(5..).filter(|_| is_epsg).ok_or(CoordinateSystemError::NotAnEpsgCode)?;
         let code = digits.trim().parse().map_err(|_| CoordinateSystemError::NotAnEpsgCode)?;
-        if WRONG_CODES.contains(&code) {
-            return Err(CoordinateSystemError::Unsupported);
-        }
         let definition = definition(code).ok_or(CoordinateSystemError::Unknown)?;
         let read = |text: &str| Proj::from_proj_string(text).map_err(|_| CoordinateSystemError::Unsupported);
         let projection = read(&definition)?;
         if projection.is_latlong() {
             return Err(CoordinateSystemError::Geographic);
+        }
+        if !is_reliable(&definition) {
+            return Err(CoordinateSystemError::Unsupported);
         }
         // Three-dimensional systems have no grid.
         if projection.is_geocent() || !projection.has_inverse() {
@@ -256,6 +262,8 @@ mod tests {
             ("EPSG:1", CoordinateSystemError::Unknown),
             ("EPSG:4326", CoordinateSystemError::Geographic),
             ("EPSG:5514", CoordinateSystemError::Unsupported),
+            ("EPSG:2048", CoordinateSystemError::Unsupported),
+            ("EPSG:2008", CoordinateSystemError::Unsupported),
         ] {
             assert_eq!(CoordinateSystem::new(name).map(|_| ()), Err(expected), "{name}");
         }

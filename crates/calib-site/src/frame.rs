@@ -1,6 +1,7 @@
 //! Coordinate systems of the calibrated cameras. Positions of two cameras are comparable only in one system.
 
 use crate::document::{ControlPointEntry, Site, SiteCamera};
+use crate::geographic::SurveyedPosition;
 use crate::solution::Stage;
 
 /// Coordinate system of a camera's position.
@@ -41,7 +42,12 @@ impl Site {
             .marks
             .iter()
             .any(|mark| mark.fixed && !mark.off && mark.seen.iter().any(|seen| is_member(&seen.camera)));
-        if by_camera || by_mark { Frame::Site } else { Frame::Component(index) }
+        let by_link = self.links.iter().any(|link| {
+            !link.off
+                && link.seen.iter().any(|seen| is_member(&seen.camera))
+                && self.world_of_survey(&SurveyedPosition::of_link(link)).is_some()
+        });
+        if by_camera || by_mark || by_link { Frame::Site } else { Frame::Component(index) }
     }
 
     /// Returns the coordinate system of most of the cameras; the system of the site if any camera has it.

@@ -10,7 +10,7 @@
 //!   solved cameras give their site coordinates, and both together determine the georeference
 //!   (`georeference_step`).
 
-use calib_core::floor::{Geographic, GeographicPair, GeoreferenceFit, TangentPlane, georeference_variances};
+use calib_core::floor::{Geographic, GeographicPair, GeoreferenceFit, TangentPlane, georeference_covariance};
 use calib_core::{FloorPoint, WorldPoint};
 
 use crate::coordinate_system::CoordinateSystem;
@@ -24,40 +24,53 @@ const EAST_DEG: f64 = 90.0;
 /// `48.137154 N 11.576124 E`, or degrees, minutes and seconds. Returns `None` for other texts.
 #[must_use]
 pub fn typed_degrees(text: &str) -> Option<[f64; 2]> {
-    let text = text.trim().to_uppercase();
-    let halves = match text.find(['N', 'S']) {
-        Some(at) if at + 1 < text.len() => text.split_at(at + 1),
-        Some(_) => return None,
-        None => {
+    let text = text.trim().to_uppercase().replace(['\u{2212}', '\u{2013}'], "-");
+    let letter = |c: char| matches!(c, 'N' | 'S' | 'E' | 'W');
+    let halves = match (text.matches(letter).count(), text.find(letter)) {
+        // A letter before each angle, or after each angle.
+        (2, Some(0)) => text.split_at(1 + text[1..].find(letter)?),
+        (2, Some(at)) => text.split_at(at + 1),
+        (0, _) => {
             let separator = [';', ','].into_iter().find(|mark| text.matches(*mark).count() == 1);
             match separator {
                 Some(mark) => text.split_once(mark)?,
                 None => text.split_once(char::is_whitespace)?,
             }
         }
+        _ => return None,
     };
-    let [lat, lon] = [angle(halves.0)?, angle(halves.1)?];
+    let [lat, lon] = [angle(halves.0, ['N', 'S'])?, angle(halves.1, ['E', 'W'])?];
     (lat.abs() <= 90.0 && lon.abs() <= 180.0).then_some([lat, lon])
 }
 
-/// Reads an angle: degrees, or degrees, minutes and seconds, with a sign or a letter.
-fn angle(text: &str) -> Option<f64> {
-    const UNITS: [f64; 3] = [1.0, 1.0 / 60.0, 1.0 / 3600.0];
-    let is_negative = text.contains(['-', '\u{2212}', 'S', 'W']);
-    // Only digits, points, and the signs and letters of angles may occur.
-    let is_allowed = |c: char| {
-        c.is_ascii_digit() || c.is_whitespace() || ".-+,NSEWO\u{2212}\u{b0}'\"\u{2032}\u{2033}".contains(c)
-    };
-    if !text.chars().all(is_allowed) {
-        return None;
+/// Reads an angle: degrees with a sign or a letter, or degrees, minutes and seconds with their marks. `letters` are
+/// the letters of positive and of negative angles.
+fn angle(text: &str, letters: [char; 2]) -> Option<f64> {
+    const UNITS: [(&[char], f64); 3] = [
+        (&['\u{b0}'], 1.0),
+        (&['\'', '\u{2032}', '\u{2019}'], 60.0),
+        (&['"', '\u{2033}', '\u{201d}'], 3600.0),
+    ];
+    let text = text.trim_matches(|c: char| c.is_whitespace() || c == ',');
+    let is_negative = text.starts_with('-') || text.contains(letters[1]);
+    let bare = text.trim_matches(|c: char| letters.contains(&c) || c.is_whitespace());
+    let mut rest = bare.trim_start_matches(['-', '+']);
+    let signed = |angle: f64| if is_negative { -angle } else { angle };
+    if let Ok(degrees) = rest.trim_end_matches('\u{b0}').trim().parse::<f64>() {
+        let is_plain = rest.starts_with(|c: char| c.is_ascii_digit() || c == '.') && degrees.is_finite();
+        return is_plain.then_some(signed(degrees));
     }
-    let words = text.split(|c: char| !c.is_ascii_digit() && c != '.').filter(|word| !word.is_empty());
-    let numbers: Vec<f64> = words.map(|word| word.parse().ok()).collect::<Option<_>>()?;
-    if numbers.is_empty() || numbers.len() > UNITS.len() || numbers[1..].iter().any(|part| *part >= 60.0) {
-        return None;
+    let mut sum = 0.0;
+    for (index, (marks, parts)) in UNITS.into_iter().enumerate() {
+        let Some((number, after)) = rest.split_once(marks) else { continue };
+        let value: f64 = number.trim().parse().ok().filter(|value: &f64| *value >= 0.0)?;
+        // Only the last part has decimals, and minutes and seconds are below 60.
+        if !after.trim().is_empty() && value.fract() != 0.0 || index > 0 && value >= 60.0 {
+            return None;
+        }
+        (sum, rest) = (sum + value / parts, after);
     }
-    let angle: f64 = numbers.iter().zip(UNITS).map(|(number, unit)| number * unit).sum();
-    Some(if is_negative { -angle } else { angle })
+    (rest.trim().is_empty() && sum.is_finite()).then_some(signed(sum))
 }
 
 impl GeoreferenceSolution {
@@ -76,17 +89,17 @@ impl GeoreferenceSolution {
         }
     }
 
-    /// Returns the variances toward east and north of a world point that the errors of the georeference cause,
-    /// in square metres.
+    /// Returns the covariance toward east and north of a world point that the errors of the georeference cause, in
+    /// square metres.
     #[must_use]
-    pub fn variances(&self, point: FloorPoint) -> [f64; 2] {
+    pub fn covariance_at(&self, point: FloorPoint) -> [[f64; 2]; 2] {
         let GeoreferenceSigmas { east_m, north_m, azimuth_deg, correlations } = self.sigma;
         let sigmas = [east_m, north_m, azimuth_deg.to_radians()];
         let [en, ea, na] = correlations.unwrap_or_default();
         let correlations = [[1.0, en, ea], [en, 1.0, na], [ea, na, 1.0]];
         let covariance =
             std::array::from_fn(|i| std::array::from_fn(|j| sigmas[i] * sigmas[j] * correlations[i][j]));
-        georeference_variances(&covariance, self.x_axis_azimuth_deg.to_radians(), point)
+        georeference_covariance(&covariance, self.x_axis_azimuth_deg.to_radians(), point)
     }
 
     /// Returns the georeference as an operator would enter it.
@@ -204,6 +217,12 @@ impl Site {
         CoordinateSystem::new(self.crs.as_ref()?).ok()
     }
 
+    /// Returns the grid of the site and its known georeference, on which cameras with geographic points depend.
+    #[must_use]
+    pub fn map_inputs(&self) -> (Option<String>, Option<Georeference>) {
+        (self.crs.clone(), self.known_georeference())
+    }
+
     /// Returns the georeference that does not depend on solved cameras.
     pub(crate) fn known_georeference(&self) -> Option<Georeference> {
         let of_points = || self.georeference_of_points().as_ref().map(GeoreferenceSolution::as_entered);
@@ -241,8 +260,8 @@ impl Site {
             + self.links.iter().filter(|link| SurveyedPosition::of_link(link).is_entered()).count()
     }
 
-    /// Returns the control points and links with geographic coordinates. Those that are switched off count, so
-    /// that switching a point off does not move the coordinate system.
+    /// Returns the control points and links with geographic coordinates. Points that are switched off are included,
+    /// so that switching a point off does not move the coordinate system.
     fn surveyed_points(&self) -> impl Iterator<Item = SurveyedPoint> {
         let system = self.coordinate_system();
         let points = self.cameras.iter().flat_map(|camera| &camera.control_points);
@@ -315,6 +334,7 @@ mod tests {
             ("-33.5;151.25", [-33.5, 151.25]),
             ("33.5\u{b0} S, 151.25\u{b0} E", [-33.5, 151.25]),
             ("40 n 74.5 w", [40.0, -74.5]),
+            ("N 48.5, E 11.25", [48.5, 11.25]),
             ("48\u{b0}30'36\"N 11\u{b0}15'00.0\"E", [48.51, 11.25]),
         ] {
             let found = typed_degrees(text).unwrap_or_else(|| panic!("{text}"));
@@ -323,7 +343,22 @@ mod tests {
                 "{text}: {found:?}"
             );
         }
-        for text in ["", "48.1", "north", "95, 10", "48.1, 11.5, 519", "48.1 N", "a, b", "1 2 3 4 5"] {
+        for text in [
+            "",
+            "48.1",
+            "north",
+            "95, 10",
+            "48.1, 11.5, 519",
+            "48.1 N",
+            "a, b",
+            "1 2 3 4 5",
+            "E 11.5, N 48.1",
+            "48,13 11,57",
+            "48 8 11 34",
+            "48.1, 11.5, 35",
+            "48.5\u{b0}30' N 11\u{b0}E",
+            "48 S 11 S",
+        ] {
             assert_eq!(typed_degrees(text), None, "{text}");
         }
     }

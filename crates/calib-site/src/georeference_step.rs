@@ -1,6 +1,8 @@
 //! Georeference of a site with other coordinates, such as a plan, from geographic control points in the images of
 //! its solved cameras.
 
+use std::collections::HashSet;
+
 use calib_core::Camera;
 use calib_core::floor::{GeographicPair, GeoreferenceFit, Ruler, RulerPoint};
 
@@ -18,7 +20,7 @@ impl Site {
     pub(crate) fn georeference_of_cameras(&self) -> Option<GeoreferenceSolution> {
         let system = self.coordinate_system();
         let (mut entries, mut cameras): (Vec<&SiteCamera>, Vec<Camera>) = Default::default();
-        let (mut points, mut surveyed) = (Vec::new(), Vec::new());
+        let (mut points, mut surveyed, mut used) = (Vec::new(), Vec::new(), HashSet::new());
         for entry in self.cameras.iter().filter(|entry| self.frame(entry) == Frame::Site) {
             let Ok(view) = self.view_of(entry) else { continue };
             for point in entry.control_points.iter().filter(|point| !point.off) {
@@ -26,7 +28,12 @@ impl Site {
                 let Some((at, sigma)) = position.geographic(system.as_ref()).zip(position.sigma_m) else {
                     continue;
                 };
-                let height = point.height_m.unwrap_or(0.0);
+                // One survey of a point has one error, also if several cameras see the point.
+                if point.id.as_ref().is_some_and(|id| !used.insert(id)) {
+                    continue;
+                }
+                let entered = point.site_coordinates(self).map(|world| world.z);
+                let height = entered.or(point.height_m).unwrap_or(0.0);
                 if view.camera().pixel_to_floor(point.px, height).is_none() {
                     continue;
                 }

@@ -10,7 +10,7 @@ use calib_core::PlanPixel;
 use calib_core::floor::{Geographic, TangentPlane};
 
 use crate::coordinate_system::CoordinateSystem;
-use crate::document::{Georeference, Plan, Site};
+use crate::document::{Georeference, Plan, Site, SiteCamera};
 
 /// Position of an image on the map.
 #[derive(Clone, Debug)]
@@ -38,6 +38,8 @@ pub enum MapPlanError {
         /// Largest error of a corner, in pixels.
         error_px: f64,
     },
+    /// The site has positions, and their place on the map is unknown.
+    NoGeoreference,
     /// The image is far from the site.
     FarFromSite {
         /// Distance of the centre of the image from world (0, 0), in metres.
@@ -56,8 +58,12 @@ impl fmt::Display for MapPlanError {
             ),
             Self::NotSimilar { error_px } => write!(
                 f,
-                "the image is mirrored, sheared or too large for one scale (error {error_px:.1} px); save a smaller \
-                 part, with north or a side up"
+                "the image does not fit a plan with one scale (error {error_px:.1} px); save it in UTM or a national \
+                 grid, or save a smaller part"
+            ),
+            Self::NoGeoreference => f.write_str(
+                "the cameras or points of the site have positions, and their place on the map is unknown; enter the \
+                 georeference of the site, or click two points of known latitude and longitude",
             ),
             Self::FarFromSite { distance_m } => write!(
                 f,
@@ -145,11 +151,12 @@ impl Similarity {
 
 impl Site {
     /// Returns the plan of an image of known position, with its scale, origin, rotation and georeference. World
-    /// coordinates stay as they are if the site has a georeference. Otherwise world (0, 0) is the lower left
-    /// corner of the image, and +x points to its right.
+    /// coordinates stay as they are if the site has a georeference. In a site without positions, world (0, 0) becomes
+    /// the lower left corner of the image, and +x points to its right.
     ///
     /// # Errors
-    /// If the pixels of the image are not square on the ground, or if the image is far from the site.
+    /// If the pixels of the image are not square on the ground, or if the image is far from the site. Also if the
+    /// site has positions without a georeference.
     pub fn plan_on_map(
         &self,
         image: Option<String>,
@@ -160,9 +167,9 @@ impl Site {
         const MAX_DISTANCE_M: f64 = 50e3;
         let [width, height] = size.map(f64::from);
         let at = |pixel: [f64; 2]| position.geographic(pixel).ok_or(MapPlanError::OutsideGrid);
-        let known = self.known_georeference();
-        let georeference = match &known {
-            Some(known) => known.clone(),
+        let georeference = match self.georeference() {
+            Some(known) => known,
+            None if self.has_positions() => return Err(MapPlanError::NoGeoreference),
             None => Georeference::of_image(at([0.0, height])?, at([width, height])?),
         };
         let plane = georeference.tangent_plane();
@@ -186,8 +193,18 @@ impl Site {
             metres_per_px: similarity.metres_per_px(),
             origin_px: PlanPixel::new(0.5 * width + dx, 0.5 * height - dy),
             x_axis_deg: -similarity.right[1].atan2(similarity.right[0]).to_degrees(),
-            georeference: known.is_none().then_some(georeference),
+            georeference: self.entered_georeference().is_none().then_some(georeference),
         })
+    }
+}
+
+impl Site {
+    /// Whether cameras, control points or marks have positions in metres.
+    fn has_positions(&self) -> bool {
+        let has_position = |camera: &SiteCamera| {
+            camera.placement.is_some() || camera.control_points.iter().any(|point| point.world_m.is_some())
+        };
+        self.cameras.iter().any(has_position) || self.marks.iter().any(|mark| mark.fixed)
     }
 }
 
@@ -240,6 +257,26 @@ mod tests {
             let error = (east - expected[0]).hypot(north - expected[1]);
             prop_assert!(error < 0.2 * pixel + 2e-3, "{error} m, {pixel} m a pixel");
         }
+    }
+
+    #[test]
+    fn a_plan_on_the_map_keeps_geographic_points() {
+        let document = r#"{"format": "calib-site", "version": 1, "cameras": [{"id": "a", "size_px": [100, 100],
+            "control_points": [{"px": [1, 2], "lat_deg": 48.1408, "lon_deg": 11.5677, "sigma_m": 1},
+            {"px": [5, 2], "lat_deg": 48.1409, "lon_deg": 11.5679, "sigma_m": 1}]}]}"#;
+        let mut site = Site::from_json(document).unwrap();
+        let before = site.cameras[0].control_points[1].control_point(&site).unwrap();
+        let plan = site.plan_on_map(None, [2000, 1000], &image(0.1, 0.2)).unwrap();
+        site.replace_plan(plan);
+        let after = site.cameras[0].control_points[1].control_point(&site).unwrap();
+        assert!(before.world.distance(after.world) < 1e-6, "{before:?} {after:?}");
+        site.cameras[0].control_points.clear();
+        site.plan = None;
+        site.cameras[0].placement = Some(serde_json::from_str("{}").unwrap());
+        assert!(matches!(
+            site.plan_on_map(None, [2000, 1000], &image(0.1, 0.2)),
+            Err(MapPlanError::NoGeoreference)
+        ));
     }
 
     #[test]

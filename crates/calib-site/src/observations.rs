@@ -85,6 +85,7 @@ impl Site {
             }
         }
         self.drop_single_points(&mut landmarks);
+        self.merge_surveyed_points(&mut landmarks);
         let links = self.links.iter().enumerate();
         landmarks.extend(
             links.map(|(i, link)| {
@@ -167,6 +168,40 @@ impl Site {
                 || entry.placement.is_some()
                 || linked.contains(entry.id.as_str())
         });
+    }
+
+    /// Merges the clicks of several cameras on one surveyed point. The point has one error of its survey.
+    fn merge_surveyed_points(&self, landmarks: &mut Vec<(LandmarkSource, Landmark)>) {
+        type Survey = (String, [Option<u64>; 2], Option<[u64; 2]>);
+        let mut known: HashMap<Survey, usize> = HashMap::new();
+        let mut merged: Vec<(LandmarkSource, Landmark)> = Vec::new();
+        for (of, landmark) in landmarks.drain(..) {
+            let survey = match of {
+                LandmarkSource::ControlPoint { camera, point } if !landmark.off => {
+                    let entry = &self.cameras[camera].control_points[point];
+                    let position = SurveyedPosition::of_control_point(entry);
+                    let is_surveyed = position.is_entered() && entry.site_coordinates(self).is_none();
+                    let degrees = [position.lat_deg, position.lon_deg].map(|value| value.map(f64::to_bits));
+                    let grid = position.crs_m.map(|grid| grid.map(f64::to_bits));
+                    entry.id.clone().filter(|_| is_surveyed).map(|id| (id, degrees, grid))
+                }
+                _ => None,
+            };
+            let first = survey.as_ref().and_then(|survey| known.get(survey)).copied();
+            match first {
+                Some(first) => {
+                    let together = &mut merged[first].1;
+                    together.observations.extend(landmark.observations);
+                    together.keep |= landmark.keep;
+                    together.is_suspect |= landmark.is_suspect;
+                }
+                None => {
+                    survey.and_then(|survey| known.insert(survey, merged.len()));
+                    merged.push((of, landmark));
+                }
+            }
+        }
+        *landmarks = merged;
     }
 
     fn distances_between(

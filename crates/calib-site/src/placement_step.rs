@@ -100,7 +100,9 @@ impl Site {
     ) {
         let mut hidden = Vec::new();
         for (index, point) in entry.control_points.iter().enumerate() {
-            let shown = point.control_point(self).and_then(|p| camera.world_to_pixel(p.world));
+            // A point on the map has no place in the site while the georeference is unknown.
+            let Some(known) = point.control_point(self) else { continue };
+            let shown = camera.world_to_pixel(known.world);
             let Some(shown) = shown.filter(|shown| shown.is_finite()) else {
                 if !point.off {
                     hidden.push(index);

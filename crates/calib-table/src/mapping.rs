@@ -273,7 +273,7 @@ impl Mapping {
                 let at = FloorPoint { x: mapped.x[row], y: mapped.y[row] };
                 match georeference.filter(|_| part == 1) {
                     Some(estimated) => {
-                        let [east, north] = estimated.variances(at);
+                        let [[east, _], [_, north]] = estimated.covariance_at(at);
                         [own[0].hypot(east.max(0.0).sqrt()), own[1].hypot(north.max(0.0).sqrt())]
                     }
                     None => own,

@@ -270,7 +270,7 @@ impl App {
             self.act(Action::ApplyWorldFile(plan.clone(), name.to_owned()));
             return;
         }
-        if open.cameras.is_empty() && !site.cameras.is_empty() {
+        if open.cameras.is_empty() && site.ground_points.is_empty() {
             let images = self.editor.session().images.clone();
             self.open_site(site, images, None);
             self.act(Action::Note(format!("Read as {}. {}", format.name, notes.join("; "))));

@@ -157,7 +157,7 @@ pub(crate) fn controls(app: &mut App, ui: &mut Ui) {
             });
             if world != control.world {
                 (new.world_m, new.plan_px, new.height_m) = (Some(world), None, None);
-                (new.lat_deg, new.lon_deg, new.alt_m) = (None, None, None);
+                (new.lat_deg, new.lon_deg, new.alt_m, new.crs_m) = (None, None, None, None);
             }
         }
         if changed {

@@ -12,12 +12,19 @@ use crate::widgets::heading;
 /// Standard deviation of a typed position, in metres: the accuracy of a phone.
 const TYPED_SIGMA_M: f64 = 4.0;
 
+/// Largest number of listed points.
+const MAX_ROWS: usize = 200;
+
 /// Shows the ground points with the cameras in which they are clicked, and a field for a new one.
 pub(crate) fn ground_points_ui(app: &mut App, ui: &mut Ui) {
     let points = app.editor.session().site.ground_points.clone();
     heading(ui, "Points to click", if points.is_empty() { "" } else { "clicked in" });
-    for point in &points {
+    for point in points.iter().take(MAX_ROWS) {
         point_row(app, ui, point);
+    }
+    if points.len() > MAX_ROWS {
+        let text = format!("{} more points are not listed.", points.len() - MAX_ROWS);
+        ui.label(RichText::new(text).small().color(theme::palette(ui.ctx()).text3));
     }
     new_point(app, ui);
     grid_field(app, ui);
@@ -35,11 +42,16 @@ fn grid_field(app: &mut App, ui: &mut Ui) {
         ui.add(TextEdit::singleline(&mut text).hint_text("EPSG:25832").desired_width(96.0))
             .labelled_by(label.id)
     });
-    if !field.inner.lost_focus() {
+    // The text is kept only while it is typed, so that another site shows its own grid.
+    if field.inner.has_focus() {
         ui.data_mut(|data| data.insert_temp(id, text));
         return;
     }
     ui.data_mut(|data| data.remove::<String>(id));
+    let is_entered = field.inner.lost_focus() && !ui.input(|input| input.key_pressed(egui::Key::Escape));
+    if !is_entered {
+        return;
+    }
     let text = text.trim().to_uppercase();
     if text == known {
         return;
@@ -105,8 +117,10 @@ fn new_point(app: &mut App, ui: &mut Ui) {
     let is_entered = field.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
     match typed_degrees(&text) {
         Some([lat, lon]) if is_entered => {
-            let is_used =
-                |id: &String| app.editor.session().site.ground_points.iter().any(|own| own.id == *id);
+            let site = &app.editor.session().site;
+            let is_used = |id: &String| {
+                site.ground_points.iter().any(|own| own.id == *id) || !cameras_with(site, id).is_empty()
+            };
             let id = (1..).map(|number| format!("G{number}")).find(|id| !is_used(id)).unwrap_or_default();
             let (lat_deg, lon_deg) = (Some(lat), Some(lon));
             let point =

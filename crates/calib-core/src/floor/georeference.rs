@@ -33,25 +33,31 @@ pub struct GeoreferenceFit {
     pub origin: Geographic,
     /// Azimuth of world +x, clockwise from north, in radians.
     pub x_axis_azimuth: f64,
-    /// Covariance of the origin toward east and north, in metres, and of the azimuth, in radians.
+    /// Covariance of the origin toward east and north and of the azimuth, in metres and radians (products of
+    /// both).
     pub covariance: [[f64; 3]; 3],
 }
 
-/// Returns the variances toward east and north of a world point that the errors of the georeference cause, in
+/// Returns the covariance toward east and north of a world point that the errors of the georeference cause, in
 /// square metres. `azimuth` is the azimuth of world +x, in radians.
 ///
 /// With the point at (e, n) from the world origin, `d(east) = d(east_0) + n da` and
 /// `d(north) = d(north_0) - e da`.
 #[must_use]
-pub fn georeference_variances(covariance: &[[f64; 3]; 3], azimuth: f64, point: FloorPoint) -> [f64; 2] {
+pub fn georeference_covariance(covariance: &[[f64; 3]; 3], azimuth: f64, point: FloorPoint) -> [[f64; 2]; 2] {
     let (sin, cos) = azimuth.sin_cos();
     let (east, north) = (sin * point.x - cos * point.y, cos * point.x + sin * point.y);
-    [(0, north), (1, -east)]
-        .map(|(k, by)| covariance[k][k] + 2.0 * by * covariance[k][2] + by * by * covariance[2][2])
+    let by = [[1.0, 0.0, north], [0.0, 1.0, -east]];
+    std::array::from_fn(|i| {
+        std::array::from_fn(|j| {
+            let row = |k: usize| (0..3).map(|l| covariance[k][l] * by[j][l]).sum::<f64>();
+            (0..3).map(|k| by[i][k] * row(k)).sum()
+        })
+    })
 }
 
-/// Number of iterations of the generalized least squares. The first estimate is closer than the noise.
-const ITERATIONS: usize = 8;
+/// Number of iterations of the generalized least squares. The first estimate differs by less than the noise.
+const ITERATIONS: usize = 4;
 
 /// Point with its weight: world x and y, then east and north, in metres.
 struct Weighted {

@@ -50,7 +50,7 @@ pub use coverage::{AreaCoverage, Coverage, CoverageCamera, FloorGrid, Reach, Req
 pub use detection_box::BoxForm;
 pub use efov::{Efov, default_efov, efov_on_floor, efov_on_plane};
 pub use extent::{Extent, Status};
-pub use georeference::{GeographicPair, GeoreferenceFit, georeference_variances};
+pub use georeference::{GeographicPair, GeoreferenceFit, georeference_covariance};
 pub use image_curve::{FloorLine, annotated_line_curve, horizon, in_front, line_extension, on_image};
 pub use pixel_density::DensityLevel;
 pub use placement::{Placement, STAGE_1_HEIGHT};

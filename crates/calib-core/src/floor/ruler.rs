@@ -131,8 +131,9 @@ impl Ruler<'_> {
         (top.distance(head.pixel) <= most).then_some(measured)
     }
 
-    /// Returns the floor positions of the points and their joint covariance (x and y of the first point, then of
-    /// the next), in metres. Returns `None` if a pixel does not show a point at its height.
+    /// Returns the floor positions of the points, in metres, and their joint covariance (x and y of the first point, then of
+    /// the next), in square metres. Returns `None` if a pixel does not show a point at its height, or if the
+    /// height, the orientation or the lens of a camera has an unknown error.
     ///
     /// Unknown errors of a camera's placement by hand are not contained: the positions are those on the plan as
     /// drawn.
@@ -151,11 +152,12 @@ impl Ruler<'_> {
                     Some([floor.x, floor.y][axis])
                 };
                 let mut gradient = camera.gradient_of(coordinate)?;
-                for (k, by) in gradient.iter_mut().enumerate() {
+                for k in [Covariance::X, Covariance::Y, Covariance::YAW] {
                     if camera.covariance.sigma(k).is_none() {
-                        *by = 0.0;
+                        gradient[k] = 0.0;
                     }
                 }
+                let gradient = camera.without_unknown_errors(gradient)?;
                 gradients.push((point.camera, gradient));
             }
             let own = camera.plane_covariance(point.pixel, point.sigma, point.height)?.pixel;

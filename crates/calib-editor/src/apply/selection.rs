@@ -66,6 +66,7 @@ impl Editor {
 
     pub(super) fn select_tool(&mut self, index: usize) {
         self.cancel();
+        self.session.tool.ground_point = None;
         if let Some(row) = TOOLS.get(index) {
             (self.tool, self.tool_row) = ((row.make)(), index);
         }

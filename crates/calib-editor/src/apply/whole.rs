@@ -58,11 +58,7 @@ impl Editor {
     fn set_ground_point(&mut self, point: GroundPoint) {
         self.cancel();
         let id = point.id.clone();
-        let points = &mut self.session.site.ground_points;
-        match points.iter_mut().find(|own| own.id == id) {
-            Some(own) => *own = point,
-            None => points.push(point),
-        }
+        self.session.site.set_ground_point(point);
         self.session.commit(format!("change {id}"));
         self.choose_ground_point(Some(id));
     }
@@ -186,6 +182,11 @@ impl Editor {
             }
         }
         let notes = if notes.is_empty() { String::new() } else { format!(" {}.", notes.join("; ")) };
+        if let Err(error) = self.session.site.check() {
+            self.session.revert();
+            self.error = Some(format!("The imported data do not fit the site: {error}"));
+            return;
+        }
         if points > 0 && lenses + added == 0 {
             let points = counted(points, "point", "points");
             self.session.commit(format!("import {points}"));
@@ -202,15 +203,10 @@ impl Editor {
         self.session.note = Some(format!("Imported: {lenses_in_words}. Added: {added_in_words}.{notes}"));
     }
 
-    /// Adds ground points, or replaces those of the same id; returns their number.
+    /// Adds ground points, or replaces points with the same id; returns their number.
     fn import_ground_points(&mut self, points: Vec<GroundPoint>) -> usize {
         let count = points.len();
-        for point in points {
-            match self.session.site.ground_points.iter_mut().find(|own| own.id == point.id) {
-                Some(own) => *own = point,
-                None => self.session.site.ground_points.push(point),
-            }
-        }
+        points.into_iter().for_each(|point| self.session.site.set_ground_point(point));
         count
     }
 

@@ -23,7 +23,10 @@ impl Control {
         let plan_px = session.site.plan.as_ref().map(|_| plan_scale(&session.site).plan_from_floor(at));
         let world_m = plan_px.is_none().then(|| at.at_height(0.0));
         let Some(entry) = session.site.cameras.get_mut(camera) else { return };
-        let is_used = |id: &String| entry.control_points.iter().any(|point| point.id.as_ref() == Some(id));
+        let surveyed: Vec<&String> = session.site.ground_points.iter().map(|point| &point.id).collect();
+        let is_used = |id: &String| {
+            surveyed.contains(&id) || entry.control_points.iter().any(|point| point.id.as_ref() == Some(id))
+        };
         let id = (1..).map(|number| format!("C{number}")).find(|id| !is_used(id));
         let name = id.clone().unwrap_or_default();
         entry.control_points.push(ControlPointEntry {

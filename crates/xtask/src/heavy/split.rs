@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
 /// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
-const REST: [&str; 77] = [
+const REST: [&str; 90] = [
     // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
@@ -36,6 +36,8 @@ const REST: [&str; 77] = [
     "calib_site::measurement",
     "calib_core::floor::coverage",
     "calib_core::single::abramov",
+    "calib_site::geographic::typed_degrees",
+    "calib_site::geographic::angle",
     "calib_core::floor::pixel_density",
     "roxmltree",
     "kurbo::arc",
@@ -43,15 +45,26 @@ const REST: [&str; 77] = [
     "kurbo::offset",
     "kurbo::stroke",
     "calib_app::export",
+    "calib_app::annotate::annotations::usual_size_menu",
     "calib_app::annotate::links",
+    "calib_app::annotate::result::scale_menu",
     "calib_app::plan::drawing_fields",
     "calib_app::plan::agreement",
+    "calib_app::plan::distances::controls",
+    "calib_app::plan::distances::distances_ui",
     "calib_app::plan::ground_points",
     "calib_app::plan::placement",
+    "calib_app::plan::planes::known_number",
+    "calib_app::plan::planes::name_field",
+    "calib_app::plan::planes::region_buttons",
+    "calib_app::plan::planes::row",
     "calib_app::scene3d",
     "calib_app::shell::palette",
     "calib_editor::apply::proposing",
+    "calib_editor::tools::control",
+    "calib_editor::tools::link",
     "calib_editor::tools::mark",
+    "calib_editor::tools::measure",
     "calib_plan::dxf",
     "calib_plan::map_position",
     "calib_plan::read",
