@@ -366,6 +366,10 @@ fn grids_agree_with_proj() {
     }
 }
 
+/// Ground overlay of an image of 400 x 200 pixels.
+const OVERLAY: &str = "<kml><GroundOverlay><Icon><href>ortho.png</href></Icon><LatLonBox><north>48.0005</north>\
+                       <south>48.0</south><east>11.0014944</east><west>11.0</west></LatLonBox></GroundOverlay></kml>";
+
 #[test]
 fn images_with_a_world_file_become_plans_on_the_map() {
     let scratch = Scratch::new();
@@ -373,7 +377,7 @@ fn images_with_a_world_file_become_plans_on_the_map() {
     let mut png = std::io::Cursor::new(Vec::new());
     image.write_to(&mut png, image::ImageFormat::Png).unwrap();
     scratch.write("ortho.png", png.into_inner());
-    // North up, 0.25 m a pixel; the numbers are those of pixel centres.
+    // North is up, and a pixel is 0.25 m. The numbers refer to pixel centres.
     scratch.write("ortho.pgw", "0.25\n0\n0\n-0.25\n691000.125\n5334999.875\n");
     scratch.write("site.json", r#"{"format": "calib-site", "version": 1}"#);
     let without = scratch.calib(&["plan", "ortho.png"]).expect_code(0);
@@ -392,12 +396,11 @@ fn images_with_a_world_file_become_plans_on_the_map() {
     let at = site.tangent_plane().unwrap().to_geographic(floor.at_height(0.0));
     let [east, north] = CoordinateSystem::new("EPSG:25832").unwrap().from_geographic(at).unwrap();
     assert!((east - 691_075.0).abs() < 0.01 && (north - 5_334_990.0).abs() < 0.01, "{east} {north}");
+    // An overlay must not read files of other folders.
+    scratch.write("other.kml", OVERLAY.replace("ortho.png", "../ortho.png"));
+    assert!(scratch.calib(&["plan", "other.kml"]).expect_code(3).stderr.contains("outside the folder"));
     // A ground overlay of the same image.
-    scratch.write(
-        "yard.kml",
-        "<kml><GroundOverlay><Icon><href>ortho.png</href></Icon><LatLonBox><north>48.0005</north><south>48.0</south>\
-         <east>11.0014944</east><west>11.0</west></LatLonBox></GroundOverlay></kml>",
-    );
+    scratch.write("yard.kml", OVERLAY);
     let found: Value =
         serde_json::from_str(&scratch.calib(&["plan", "yard.kml", "--format", "json"]).expect_code(0).stdout)
             .unwrap();

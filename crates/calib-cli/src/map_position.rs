@@ -1,6 +1,7 @@
-//! Position of a plan on the map: from the tags of a `GeoTIFF`, a world file beside the image, or a ground overlay.
+//! Reads the position of a plan on the map. Sources are the tags of a `GeoTIFF`, a world file in the folder of the
+//! image, and a ground overlay.
 
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use calib_plan::{DrawingKind, ImagePosition, KmlOverlay, MapSystem, system_of_wkt};
 use calib_site::{CoordinateSystem, MAX_BYTES, MapPosition};
@@ -37,7 +38,7 @@ impl PlanFile {
                 Some(found) => Some((found, file.to_owned())),
                 // World files of drawings have another meaning.
                 None if DrawingKind::of(&bytes).is_some() => None,
-                None => beside(path)?,
+                None => neighbouring_world_file(path)?,
             };
             return Ok(Self { path: path.to_owned(), bytes, position, overlay: None });
         }
@@ -47,7 +48,17 @@ impl PlanFile {
             return Err(CommandError::invalid(file, what));
         };
         if overlay.image.contains("://") {
-            let what = format!("the image {} is on a server; save it beside the KML file", overlay.image);
+            let what = format!(
+                "the image {} is on a server; download it into the folder of the KML file",
+                overlay.image
+            );
+            return Err(CommandError::invalid(file, what));
+        }
+        // A hostile file must not name files of other folders.
+        let is_inside = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
+        if !Path::new(&overlay.image).components().all(is_inside) {
+            let what =
+                format!("the image {} is outside the folder of the KML file; move it there", overlay.image);
             return Err(CommandError::invalid(file, what));
         }
         let image = path.with_file_name(&overlay.image);
@@ -90,8 +101,8 @@ impl PlanFile {
     }
 }
 
-/// Reads the world file beside an image, with the coordinate system of its `.prj` file.
-fn beside(image: &Path) -> Result<Option<(ImagePosition, String)>, CommandError> {
+/// Reads the world file of an image and its `.prj` file, from the folder of the image.
+fn neighbouring_world_file(image: &Path) -> Result<Option<(ImagePosition, String)>, CommandError> {
     let ending = image.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     // Usual endings: the first and last letter of the image's ending and a w; the ending with a w; and wld.
     let letters: Vec<char> = ending.chars().collect();

@@ -8,10 +8,11 @@ use calib_core::floor::{Geographic, TangentPlane};
 use crate::bounds::{At, Bounds, Checked, MAX_ITEMS, count, id, name, optional};
 use crate::coordinate_system::CoordinateSystem;
 use crate::document::Site;
-use crate::geographic::SurveyedPosition;
+use crate::geographic::{MAX_DISTANCE_M, SurveyedPosition};
 use crate::site_error::quoted;
 
-/// Largest number of control points and links with geographic coordinates. Each is compared with all others.
+/// Largest number of control points and links with geographic coordinates. The
+/// georeference is computed again for each of them.
 const MAX_GEOGRAPHIC_POINTS: usize = 500;
 
 /// Checks the coordinate system of the site, and the number of its geographic points.
@@ -127,8 +128,6 @@ fn check_position(at: &At, position: &SurveyedPosition, site: &Site) -> Checked 
 
 /// Checks that a geographic point is near the site. Names exchanged coordinates and a missing minus.
 fn check_distance(at: &At, point: Geographic, site: &Site) -> Checked {
-    /// Largest distance of a point from the site, in metres.
-    const MAX_DISTANCE_M: f64 = 50e3;
     let Some(reference) = site.geographic_reference() else { return Ok(()) };
     let plane = TangentPlane::new(reference, 0.0);
     let distance = |latitude: f64, longitude: f64| {

@@ -17,6 +17,9 @@ use crate::coordinate_system::CoordinateSystem;
 use crate::document::{ControlPointEntry, Georeference, GroundPoint, Link, Site};
 use crate::site_solution::{GeoreferenceSigmas, GeoreferenceSolution};
 
+/// Largest distance of a point or image on the map from the site, in metres.
+pub(crate) const MAX_DISTANCE_M: f64 = 50e3;
+
 /// Azimuth of east, in degrees.
 const EAST_DEG: f64 = 90.0;
 
@@ -265,10 +268,11 @@ impl Site {
     fn surveyed_points(&self) -> impl Iterator<Item = SurveyedPoint> {
         let system = self.coordinate_system();
         let points = self.cameras.iter().flat_map(|camera| &camera.control_points);
-        let points =
-            points.map(|point| (SurveyedPosition::of_control_point(point), point.site_coordinates(self)));
+        let points = points.map(|point| (SurveyedPosition::of_control_point(point), Some(point)));
         let links = self.links.iter().map(|link| (SurveyedPosition::of_link(link), None));
-        points.chain(links).filter(|(entered, _)| entered.is_entered()).filter_map(move |(entered, world)| {
+        // Most sites have no such points, and the filter comes first, because every gesture calls this.
+        points.chain(links).filter(|(entered, _)| entered.is_entered()).filter_map(move |(entered, point)| {
+            let world = point.and_then(|point| point.site_coordinates(self));
             Some(SurveyedPoint { entered, geographic: entered.geographic(system.as_ref())?, world })
         })
     }

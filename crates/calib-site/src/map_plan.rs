@@ -11,6 +11,7 @@ use calib_core::floor::{Geographic, TangentPlane};
 
 use crate::coordinate_system::CoordinateSystem;
 use crate::document::{Georeference, Plan, Site, SiteCamera};
+use crate::geographic::MAX_DISTANCE_M;
 
 /// Position of an image on the map.
 #[derive(Clone, Debug)]
@@ -163,8 +164,6 @@ impl Site {
         size: [u32; 2],
         position: &MapPosition,
     ) -> Result<Plan, MapPlanError> {
-        /// Largest distance of the image from the site, in metres.
-        const MAX_DISTANCE_M: f64 = 50e3;
         let [width, height] = size.map(f64::from);
         let at = |pixel: [f64; 2]| position.geographic(pixel).ok_or(MapPlanError::OutsideGrid);
         let georeference = match self.georeference() {

@@ -131,12 +131,11 @@ impl Ruler<'_> {
         (top.distance(head.pixel) <= most).then_some(measured)
     }
 
-    /// Returns the floor positions of the points, in metres, and their joint covariance (x and y of the first point, then of
-    /// the next), in square metres. Returns `None` if a pixel does not show a point at its height, or if the
+    /// Returns the floor positions of the points, in metres, and their joint covariance, in square metres. Its rows
+    /// are x and y of the first point, then of the next. Returns `None` if a pixel does not show a point at its height, or if the
     /// height, the orientation or the lens of a camera has an unknown error.
     ///
-    /// Unknown errors of a camera's placement by hand are not contained: the positions are those on the plan as
-    /// drawn.
+    /// Unknown errors of a camera's placement by hand are not contained: the placement on the plan counts as exact.
     #[must_use]
     pub fn positions(&self, points: &[RulerPoint]) -> Option<(Vec<FloorPoint>, DMatrix<f64>)> {
         let mut positions = Vec::new();

@@ -62,7 +62,7 @@ fuzz_target!(init: setrlimit(Resource::AS, MEMORY, MEMORY).expect("the memory li
     };
     let format = calib_formats::format(name).expect("the format is missing in the registry");
     let Ok(imported) = import(format, &files) else { return };
-    // The grid of points is stated beside the file.
+    // Points in a grid are valid only in a site with a grid.
     if imported.site.ground_points.iter().any(|point| point.crs_m.is_some()) {
         return;
     }
