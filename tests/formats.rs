@@ -1022,6 +1022,15 @@ fn pycolmap_and_pyyaml_read_exports() {
         let pixel: [f64; 2] = serde_json::from_value(pixel.clone()).unwrap();
         assert_near(pixel, &distorted, *point, 0.0, "pycolmap");
     }
+    let binary = ["cameras.bin", "images.bin", "points3D.bin"].map(|name| File {
+        name: name.into(),
+        bytes: std::fs::read(scratch.path(&format!("binary/{name}"))).unwrap(),
+    });
+    let back = import(format("colmap").unwrap(), &binary).unwrap().site.cameras[0].camera().unwrap();
+    for point in &points {
+        let Pixel { u, v } = back.world_to_pixel(*point).unwrap();
+        assert_near([u, v], &distorted, *point, 0.0, "binary model");
+    }
     let k = numbers(&found["ros"]["camera_matrix"]["data"]);
     assert_eq!([k[0], k[2] + 0.5], [distorted.focal, distorted.lens.principal_point.u]);
     // k1, k2, p1, p2, k3 of `distorted`.

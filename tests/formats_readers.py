@@ -2,7 +2,8 @@
 
     formats_readers.py FOLDER POINTS
 
-FOLDER has a folder for every format; POINTS is a JSON list of world points.
+FOLDER has a folder for every format; POINTS is a JSON list of world points. The binary COLMAP model is written
+to the folder `binary`.
 """
 
 import json
@@ -14,7 +15,10 @@ import yaml
 
 folder = pathlib.Path(sys.argv[1])
 points = json.loads(sys.argv[2])
-(image,) = pycolmap.Reconstruction(str(folder / "colmap")).images.values()
+model = pycolmap.Reconstruction(str(folder / "colmap"))
+(image,) = model.images.values()
+(folder / "binary").mkdir()
+model.write_binary(str(folder / "binary"))
 
 
 def read(path):

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
 use calib_core::{Distortion, UndistortedPixel};
-use calib_formats::{File, Imported, format, import};
+use calib_formats::{File, ImportOptions, Imported, format, import, import_with};
 use calib_site::SiteCamera;
 
 /// Intrinsics and distortion of all files: OpenCV's fx = fy, cx, cy, and k1, k2, p1, p2, k3.
@@ -166,6 +166,12 @@ fn missing_values_are_named() {
     let without_size = format!("{{\"camera_angle_x\": 0.7, \"frames\": [{frame}]}}");
     let error = read("nerfstudio", "transforms.json", &without_size).unwrap_err();
     assert!(error.contains("no w and h"), "{error}");
+    let file = File { name: "transforms.json".into(), bytes: without_size.into_bytes() };
+    let size = ImportOptions { size: Some([800, 600]), ..ImportOptions::default() };
+    let site = import_with(format("nerfstudio").unwrap(), &[file], &size).unwrap().site;
+    assert_eq!(site.cameras[0].size_px, [800, 600]);
+    let focal = site.cameras[0].lens.as_ref().unwrap().focal_px.unwrap().value;
+    assert!((focal - 400.0 / 0.35_f64.tan()).abs() < 1e-9, "{focal}");
     let state = "{\"controlPointsStateBase\": {}}";
     let mut project = b"fspy".to_vec();
     for number in [1_u32, state.len() as u32, 0] {
@@ -175,6 +181,67 @@ fn missing_values_are_named() {
     let file = File { name: "old.fspy".into(), bytes: project };
     let error = import(format("fspy").unwrap(), &[file]).unwrap_err().to_string();
     assert!(error.contains("has no camera"), "{error}");
+}
+
+/// Returns the files of a WILDTRACK camera at (6, -4, 2.8) m that looks along y, 0.5 rad below the horizon, in
+/// units of `unit_m`. If `is_left_handed`, the world of the files has a mirrored y axis.
+fn wildtrack(unit_m: f64, is_left_handed: bool) -> [File; 2] {
+    const PITCH: f64 = 0.5;
+    let (sin, cos) = PITCH.sin_cos();
+    // Right, down and forward in the world: a rotation about x by 90 degrees and the pitch.
+    let rows = [[1.0, 0.0, 0.0], [0.0, -sin, -cos], [0.0, cos, -sin]];
+    let centre = [6.0, -4.0, 2.8];
+    let side = if is_left_handed { 1.0 } else { -1.0 };
+    let tvec = rows.map(|row: [f64; 3]| side * (0..3).map(|i| row[i] * centre[i]).sum::<f64>() / unit_m);
+    // The rotation -R M with the mirror M is half a turn about a diagonal of y and z.
+    let half =
+        [0.0, (0.5 * (1.0 - sin)).sqrt(), (0.5 * (1.0 + sin)).sqrt()].map(|n| n * std::f64::consts::PI);
+    let rvec = if is_left_handed { half } else { [std::f64::consts::FRAC_PI_2 + PITCH, 0.0, 0.0] };
+    let [rvec, tvec] = [rvec, tvec].map(|v| v.map(|value| format!("{value:?}")).join(" "));
+    let file = |name: &str, content: String| File {
+        name: name.into(),
+        bytes: format!("<?xml version=\"1.0\"?><opencv_storage>{content}</opencv_storage>").into_bytes(),
+    };
+    let matrix = "<camera_matrix type_id=\"opencv-matrix\"><rows>3</rows><cols>3</cols><dt>d</dt>\
+                  <data>900 0 639.5 0 900 359.5 0 0 1</data></camera_matrix>";
+    [
+        file("intr_C1.xml", matrix.into()),
+        file("extr_C1.xml", format!("<rvec>{rvec}</rvec><tvec>{tvec}</tvec>")),
+    ]
+}
+
+#[test]
+fn unit_and_handedness_of_poses_can_be_stated() {
+    for (unit_m, is_left_handed) in [(0.01, false), (1.0, false), (0.3048, false), (1.0, true)] {
+        let options = ImportOptions { unit_m: Some(unit_m), is_left_handed, ..ImportOptions::default() };
+        let files = wildtrack(unit_m, is_left_handed);
+        let imported = import_with(format("wildtrack").unwrap(), &files, &options).unwrap();
+        let camera = imported.site.cameras[0].camera().unwrap();
+        let right = [6.0, -4.0, 2.8];
+        let found = <[f64; 3]>::from(camera.position);
+        assert!((0..3).all(|i| (found[i] - right[i]).abs() < 1e-9), "{found:?}");
+        assert!((camera.pitch - 0.5).abs() < 1e-9 && camera.roll.abs() < 1e-9, "{camera:?}");
+    }
+    let plain = wildtrack(1.0, false);
+    let notes = import(format("wildtrack").unwrap(), &plain).unwrap().notes;
+    assert!(notes.iter().any(|note| note.contains("--unit m")), "{notes:?}");
+    let notes = import(format("wildtrack").unwrap(), &wildtrack(0.01, true)).unwrap().notes;
+    assert!(notes.iter().any(|note| note.contains("--left-handed")), "{notes:?}");
+    let unit = ImportOptions { unit_m: Some(1.0), ..ImportOptions::default() };
+    let file = File { name: "a.kml".into(), bytes: b"<kml/>".to_vec() };
+    let error = import_with(format("kml").unwrap(), &[file], &unit).unwrap_err().to_string();
+    assert!(error.contains("no poses"), "{error}");
+}
+
+#[test]
+fn size_can_be_stated() {
+    let text = format!("{{\"camera_matrix\": {K}, \"dist_coeffs\": {D}, \"image_size\": [640, 360]}}");
+    let file = File { name: "a.json".into(), bytes: text.into_bytes() };
+    let error = import(format("opencv").unwrap(), std::slice::from_ref(&file)).unwrap_err().to_string();
+    assert!(error.contains("--size"), "{error}");
+    let size = ImportOptions { size: Some([1280, 720]), ..ImportOptions::default() };
+    let imported = import_with(format("opencv").unwrap(), &[file], &size).unwrap();
+    assert_is_the_lens(&imported.site.cameras[0], "stated size");
 }
 
 /// Returns `OpenCV`'s pixel of a point in camera axes with all its terms, by the formula of its documentation.

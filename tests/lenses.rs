@@ -7,7 +7,7 @@ use calib_core::{
     Kind, Lens, LensFit, LensOptions, Pixel, UndistortedPixel, WorldPoint,
 };
 
-use calib_core::camera::Rational;
+use calib_core::camera::{Rational, Unified};
 
 use calib_core::outcome::Source;
 
@@ -381,7 +381,15 @@ fn last_radius(distortion: &Distortion) -> f64 {
             let turn = growing_until(model, 20.0);
             if turn.is_finite() { model(turn) } else { f64::INFINITY }
         }
-        Distortion::Unified { xi } => last_radius(&Distortion::DoubleSphere { xi, alpha: 0.0 }),
+        Distortion::Unified(Unified { xi, .. }) => last_radius(&Distortion::DoubleSphere { xi, alpha: 0.0 }),
+        Distortion::Eucm { alpha, beta } => {
+            let right_angle = std::f64::consts::FRAC_PI_2;
+            let model = |t: f64| {
+                let d = (beta * t.sin().powi(2) + t.cos().powi(2)).sqrt();
+                t.sin() / (alpha * d + (1.0 - alpha) * t.cos())
+            };
+            model(growing_until(model, right_angle).min(right_angle))
+        }
         Distortion::DoubleSphere { xi, alpha } => {
             let right_angle = std::f64::consts::FRAC_PI_2;
             let model = |t: f64| {
@@ -417,7 +425,8 @@ fn round_trip_is_exact_within_the_valid_radius() {
         at(1100.0, Distortion::BrownConrady(brown(0.3, 0.1, 0.0))),
         at(900.0, Distortion::BrownConrady(brown(-0.2, 0.1, -0.05))),
         at(700.0, Distortion::Division { lambda: 0.4 }),
-        at(600.0, Distortion::Unified { xi: 1.1 }),
+        at(600.0, Distortion::unified(1.1)),
+        at(600.0, Distortion::Eucm { alpha: 0.6, beta: 1.2 }),
         at(500.0, Distortion::DoubleSphere { xi: -0.2, alpha: 0.6 }),
         at(700.0, Distortion::Division { lambda: -0.6 }),
         // 160 and 200 degrees across, and one that folds before 90 degrees from the axis.

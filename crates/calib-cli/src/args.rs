@@ -14,6 +14,18 @@ use crate::{files, picture};
 /// Largest accepted side of a stream, in pixels.
 const MAX_STREAM_SIDE_PX: u32 = 16_384;
 
+/// Returns the length of a unit of length, in metres.
+pub(crate) fn unit(text: &str) -> Result<f64, String> {
+    match text {
+        "mm" => Ok(1e-3),
+        "cm" => Ok(1e-2),
+        "m" => Ok(1.0),
+        "in" => Ok(0.0254),
+        "ft" => Ok(0.3048),
+        _ => Err("expected mm, cm, m, in or ft".into()),
+    }
+}
+
 /// Parses the width and height of a stream, as in 1280x720.
 pub(crate) fn size(text: &str) -> Result<[u32; 2], String> {
     let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_STREAM_SIDE_PX).contains(side));

@@ -3,11 +3,11 @@
 
 use std::path::Path;
 
-use calib_formats::{File, Format, MAX_BYTES, MAX_FILES};
+use calib_formats::{File, Format, ImportOptions, MAX_BYTES, MAX_FILES, import_with};
 use calib_report::shortened_list;
 use calib_site::{GroundPoint, Plan, Site, SiteCamera};
 
-use crate::args::grid;
+use crate::args::{grid, size, unit};
 use crate::export::{format_named, formats};
 use crate::files;
 use crate::files::print_message;
@@ -141,6 +141,15 @@ pub(crate) struct Args {
     /// Projected grid of imported points with east and north
     #[arg(long, value_name = "EPSG:CODE", value_parser = grid_name)]
     crs: Option<String>,
+    /// Size of the images, if the files do not state it or state a wrong one
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<[u32; 2]>,
+    /// Unit of the poses, if it is not the usual one of the format: mm, cm, m, in or ft
+    #[arg(long, value_name = "UNIT", value_parser = unit)]
+    unit: Option<f64>,
+    /// Mirror the y axis, because the world of the files is left-handed
+    #[arg(long)]
+    left_handed: bool,
     /// Site file to write; - is stdout
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     output: String,
@@ -167,8 +176,9 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
         found.push(read(path, name)?);
         add_companions(path, format, &mut found)?;
     }
+    let options = ImportOptions { size: args.size, unit_m: args.unit, is_left_handed: args.left_handed };
     let mut imported =
-        calib_formats::import(format, &found).map_err(|error| CommandError::Invalid(error.to_string()))?;
+        import_with(format, &found, &options).map_err(|error| CommandError::Invalid(error.to_string()))?;
     imported.site.crs.clone_from(&args.crs);
     for note in &imported.notes {
         print_message(note);

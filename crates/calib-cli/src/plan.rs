@@ -9,7 +9,7 @@ use calib_report::shortened_list;
 use calib_site::{CoordinateSystem, MapPosition, Plan, Site};
 use serde_json::{Value, json};
 
-use crate::args::grid;
+use crate::args::{grid, unit};
 use crate::files::{self, print_message};
 use crate::map_position::PlanFile;
 use crate::picture;
@@ -67,18 +67,6 @@ fn ratio(text: &str) -> Result<f64, String> {
 fn pixel_size(text: &str) -> Result<f64, String> {
     let size = text.trim().parse::<f64>().ok().filter(|size| (1e-9..1e9).contains(size));
     size.ok_or_else(|| "expected metres above 0".into())
-}
-
-/// Returns the length of a unit in metres.
-fn unit(text: &str) -> Result<f64, String> {
-    match text {
-        "mm" => Ok(1e-3),
-        "cm" => Ok(1e-2),
-        "m" => Ok(1.0),
-        "in" => Ok(0.0254),
-        "ft" => Ok(0.3048),
-        _ => Err("expected mm, cm, m, in or ft".into()),
-    }
 }
 
 /// Floor plan that was read.

@@ -3,15 +3,15 @@
 //!
 //! Pixels count from the centre of the first pixel, as in OpenCV.
 
-use crate::file::File;
 use crate::file::FormatError;
 use crate::given::{Imported, ImportedCamera, intrinsics_from_matrix, site_with_notes};
+use crate::input::Input;
 use crate::opencv::distortion;
 use crate::tree::{Node, Syntax};
 
-pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
+pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
     let (mut given, mut rest) = (Vec::new(), Vec::new());
-    for file in files {
+    for file in files.iter() {
         let tree = Syntax::Toml.parse(file)?;
         let root = Node::root(file, &tree);
         // Newer files have one table with all cameras.
@@ -33,5 +33,5 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         }
         rest.extend(root.unread_keys());
     }
-    site_with_notes(given, rest, &files[0].name)
+    site_with_notes(given, rest, files, &files[0].name)
 }

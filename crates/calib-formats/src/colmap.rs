@@ -1,4 +1,4 @@
-//! COLMAP's text model: `cameras.txt`, `images.txt`, `points3D.txt`.
+//! COLMAP's model: `cameras.txt`, `images.txt`, `points3D.txt`. Binary files are converted to this text.
 //!
 //! Poses are world to camera, with the w of quaternions first. Pixels count from the corner of the image, as
 //! in this library.
@@ -8,12 +8,14 @@ use std::fmt::Write as _;
 
 use calib_core::{BrownConrady, Distortion};
 
+use crate::colmap_binary;
 use crate::export::{Export, MAX_UNREPORTED_ERROR_PX, Scene, round_up};
 use crate::file::File;
 use crate::file::{FormatError, Problem, quoted};
 use crate::fisheye::{MAX_ANGLE, MAX_FIT_ERROR_PX, fit_error_text, fit_lens};
 use crate::fisheye::{from_quaternion, quaternion};
 use crate::given::{Imported, ImportedCamera, site_from_cameras};
+use crate::input::Input;
 use crate::opencv::distortion_of_terms;
 use crate::tree::{digits, joined};
 use crate::view::{Terms, View};
@@ -26,7 +28,11 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
         let number = index + 1;
         let [fx, fy] = view.focal();
         let [cx, cy] = view.centre();
-        let (model, more) = model(export.terms(view, scene.lenses));
+        let terms = export.terms(view, scene.lenses);
+        if matches!(terms, Terms::Rational([.., s1, s2, s3, s4]) if [s1, s2, s3, s4] != [0.0; 4]) {
+            export.add_loss(view, "s1 to s4 of its distortion: FULL_OPENCV has no thin-prism terms");
+        }
+        let (model, more) = model(terms);
         let params = [vec![fx, fy, cx, cy], more].concat();
         let [width, height] = view.size;
         let _ = writeln!(cameras, "{number} {model} {width} {height} {}", joined(&params, " "));
@@ -47,7 +53,8 @@ fn name(view: &View) -> String {
 
 fn model(terms: Terms) -> (&'static str, Vec<f64>) {
     match terms {
-        Terms::None | Terms::Rational(_) => ("PINHOLE", Vec::new()),
+        Terms::None => ("PINHOLE", Vec::new()),
+        Terms::Rational([terms @ .., _, _, _, _]) => ("FULL_OPENCV", terms.to_vec()),
         Terms::Fisheye(k) => ("OPENCV_FISHEYE", k.to_vec()),
         Terms::BrownConrady(b) | Terms::Fitted(b, _) if b.k3 == 0.0 => {
             ("OPENCV", vec![b.k1, b.k2, b.p1, b.p2])
@@ -102,7 +109,14 @@ fn lines<'a>(files: &'a [File], base: &str) -> Result<(&'a File, Vec<Line<'a>>),
     Ok((file, lines.filter(is_said).collect()))
 }
 
-pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
+pub(crate) fn read(input: &Input) -> Result<Imported, FormatError> {
+    // A folder may contain the model twice. The first file decides.
+    let is_binary = input[0].extension() == "bin";
+    let mut files = Vec::new();
+    for file in input.iter().filter(|file| (file.extension() == "bin") == is_binary) {
+        files.push(colmap_binary::as_text(file)?.unwrap_or_else(|| file.clone()));
+    }
+    let files = &files[..];
     let (_, camera_lines) = lines(files, "cameras.txt")?;
     let (mut cameras, mut notes) = (HashMap::new(), Vec::new());
     for line in camera_lines.iter().filter(|line| !line.words.is_empty()) {
@@ -112,8 +126,8 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         let lens = |(id, camera): (&str, ImportedCamera)| ImportedCamera { id: id.to_owned(), ..camera };
         let mut lenses: Vec<ImportedCamera> = cameras.into_iter().map(lens).collect();
         lenses.sort_by(|a, b| a.id.cmp(&b.id));
-        let mut imported = site_from_cameras(lenses, "cameras.txt")?;
-        notes.push("images.txt: is missing; the cameras have lenses but no poses".into());
+        let mut imported = site_from_cameras(lenses, input, "cameras.txt")?;
+        notes.push("images.txt or images.bin: is missing; the cameras have lenses but no poses".into());
         imported.notes.extend(notes);
         return Ok(imported);
     }
@@ -140,16 +154,16 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         // Skips the next line, which lists the points of the image.
         with_points += usize::from(left.next().is_some_and(|points| !points.words.is_empty()));
     }
-    let mut imported = site_from_cameras(given, &file.name)?;
+    let mut imported = site_from_cameras(given, input, &file.name)?;
     imported.notes.extend(notes);
     if with_points > 0 {
         let images = calib_site::counted(with_points, "image", "images");
         imported.notes.push(format!("{}: not imported: the points of {images}", file.name));
     }
-    let points = files.iter().filter(|file| file.base() == "points3D.txt");
+    let points = files.iter().filter(|file| file.stem() == "points3D");
     imported.notes.extend(points.map(|file| format!("{}: not imported", file.name)));
-    if imported.site.cameras.iter().any(|camera| camera.solution.is_some()) {
-        imported.notes.push("poses are read as metres with z up; a COLMAP model has arbitrary scale and axes unless it was aligned".into());
+    if input.unit_m().is_none() && imported.site.cameras.iter().any(|camera| camera.solution.is_some()) {
+        imported.notes.push("poses are read as metres with z up; a COLMAP model has arbitrary scale and axes unless it was aligned; --unit states another unit".into());
     }
     Ok(imported)
 }

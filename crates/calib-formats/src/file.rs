@@ -98,6 +98,8 @@ pub enum Problem {
     },
     /// The file contains no camera.
     NoCamera,
+    /// A unit or a left-handed world is stated for a format without poses.
+    NoPoses,
     /// The fSpy project contains no camera.
     NoCameraInProject,
     /// A field of view is given without an image size.
@@ -169,7 +171,7 @@ impl fmt::Display for Problem {
             Self::TwoResolutions { stated: [w, h], suggested: [x, y] } => write!(
                 f,
                 "found an image of {w} x {h} pixels and a camera matrix of an image of about {x:.0} x {y:.0}, \
-                 expected one resolution; correct the size, or scale the matrix"
+                 expected one resolution; correct the size (--size), or scale the matrix"
             ),
             Self::Unpaired { pixels, points } => {
                 write!(
@@ -188,8 +190,7 @@ impl Problem {
     const fn fixed_message(&self) -> &'static str {
         match self {
             Self::NotColmap => {
-                "is missing; expected a folder with cameras.txt and images.txt. COLMAP writes a binary model as text \
-                 with: colmap model_converter --output_type TXT"
+                "is missing; expected a folder with cameras.txt and images.txt, or with cameras.bin and images.bin"
             }
             Self::NoCameraInProject => {
                 "the project has no camera: its vanishing points do not meet, or an old version saved it; open it \
@@ -197,19 +198,20 @@ impl Problem {
             }
             Self::AngleWithoutSize => {
                 "found camera_angle_x, but no w and h; the field of view alone does not determine pixels, so add \
-                 the image size"
+                 the image size (--size)"
             }
             Self::Empty => "found an empty file",
             Self::DeepElements => "found elements nested too deeply",
             Self::NotFspy { is_short: true } => "found fewer than 16 bytes, expected an fSpy project",
             Self::NotFspy { .. } => "found no \"fspy\" at the beginning, expected an fSpy project",
             Self::CutOff => "is incomplete: the file ends early",
-            Self::NoSize => "found no image size, and no principal point to derive it from",
+            Self::NoSize => "found no image size, and no principal point to derive it from; add --size",
             Self::NoRotation => "found a quaternion of length 0",
             Self::InvalidRotation => "found a rotation whose rows are not right-handed unit vectors",
             Self::InvalidIntrinsics => "found a matrix that is not [fx 0 cx; 0 fy cy; 0 0 1]",
             Self::InvalidProjection => "found a matrix that is not a camera projection",
             Self::NoCamera => "found no camera",
+            Self::NoPoses => "has no poses to import, so a unit and a left-handed world do not apply",
             Self::ReadOnly => "can be imported but not exported",
             Self::WriteOnly => "can be exported but not imported",
             Self::NothingToExport => "has no calibrated camera; solve it first",

@@ -7,6 +7,7 @@
 use crate::file::File;
 use crate::file::{FormatError, Problem};
 use crate::given::{Imported, ImportedCamera, site_with_notes};
+use crate::input::Input;
 use crate::tree::{Node, Syntax};
 
 /// First bytes of a project file.
@@ -14,11 +15,11 @@ const MAGIC: &[u8] = b"fspy";
 /// Length of the header before the state, in bytes.
 const HEADER_BYTES: usize = 16;
 
-pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
+pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
     let mut rest = Vec::new();
     let given: Result<Vec<ImportedCamera>, FormatError> =
         files.iter().map(|file| camera(file, &mut rest)).collect();
-    let mut imported = site_with_notes(given?, rest, &files[0].name)?;
+    let mut imported = site_with_notes(given?, rest, files, &files[0].name)?;
     imported.notes.push("fSpy's units and axes are kept; place the camera to convert them to metres".into());
     Ok(imported)
 }

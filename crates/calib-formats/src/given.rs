@@ -10,6 +10,7 @@ use calib_site::{
 
 use crate::file::{FormatError, Problem, quoted};
 use crate::fisheye::{Rotation, is_rotation, rotate, transpose};
+use crate::input::Input;
 
 /// Result of an import.
 #[derive(Clone, Debug)]
@@ -58,6 +59,11 @@ impl ImportedCamera {
         }
     }
 
+    /// Returns the camera with the statements of the caller.
+    pub(crate) fn stated_by(self, input: &Input) -> Self {
+        Self { size: input.size().or(self.size), pose: self.pose.map(|pose| input.pose(pose)), ..self }
+    }
+
     /// Creates an error at the camera's position in the file.
     fn wrong(&self, problem: Problem) -> FormatError {
         FormatError::new(self.place.trim_end_matches([' ', ':']), problem)
@@ -96,7 +102,7 @@ impl ImportedCamera {
         let [w, h] = size.map(|side| side as u32);
         let id = quoted(&self.id);
         notes.push(format!(
-            "camera {id}: the file has no image size; {w} x {h} is assumed from the principal point"
+            "camera {id}: the file has no image size; {w} x {h} is assumed from the principal point; --size replaces it"
         ));
         Ok([w, h])
     }
@@ -168,22 +174,27 @@ pub(crate) fn checked_site(
 pub(crate) fn site_with_notes(
     given: Vec<ImportedCamera>,
     rest: Vec<String>,
+    input: &Input,
     place: &str,
 ) -> Result<Imported, FormatError> {
-    let mut imported = site_from_cameras(given, place)?;
+    let mut imported = site_from_cameras(given, input, place)?;
     imported.notes.extend(rest);
     Ok(imported)
 }
 
 /// Creates a site with these imported cameras and checks it.
-pub(crate) fn site_from_cameras(given: Vec<ImportedCamera>, place: &str) -> Result<Imported, FormatError> {
+pub(crate) fn site_from_cameras(
+    given: Vec<ImportedCamera>,
+    input: &Input,
+    place: &str,
+) -> Result<Imported, FormatError> {
     if given.len() > calib_site::MAX_CAMERAS {
         let found = format!("{} cameras", given.len());
         return Err(FormatError::expected(place, found, format!("at most {}", calib_site::MAX_CAMERAS)));
     }
     let mut notes = Vec::new();
     let cameras: Result<Vec<SiteCamera>, FormatError> =
-        given.into_iter().map(|camera| camera.into_entry(&mut notes)).collect();
+        given.into_iter().map(|camera| camera.stated_by(input).into_entry(&mut notes)).collect();
     checked_site(cameras?, notes, place)
 }
 

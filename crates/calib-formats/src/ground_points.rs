@@ -17,6 +17,7 @@ use crate::export::{Export, Scene};
 use crate::file::{File, FormatError, quoted};
 use crate::geojson::to_wgs84;
 use crate::given::Imported;
+use crate::input::Input;
 use crate::tree::{Syntax, escaped, xml};
 
 /// Largest number of points of a file.
@@ -27,9 +28,9 @@ const PHONE_SIGMA_M: f64 = 4.0;
 const MAP_SIGMA_M: f64 = 0.5;
 
 /// Reads the waypoints of a GPX file.
-pub(crate) fn read_gpx(files: &[File]) -> Result<Imported, FormatError> {
+pub(crate) fn read_gpx(files: &Input) -> Result<Imported, FormatError> {
     let mut points = Points::default();
-    for file in files {
+    for file in files.iter() {
         let document = xml(file)?;
         let waypoints = document.descendants().filter(|node| has_name(node, "wpt"));
         for (index, node) in waypoints.enumerate() {
@@ -49,9 +50,9 @@ pub(crate) fn read_gpx(files: &[File]) -> Result<Imported, FormatError> {
 }
 
 /// Reads the points of a KML file: placemarks with a point.
-pub(crate) fn read_kml(files: &[File]) -> Result<Imported, FormatError> {
+pub(crate) fn read_kml(files: &Input) -> Result<Imported, FormatError> {
     let mut points = Points::default();
-    for file in files {
+    for file in files.iter() {
         let document = xml(file)?;
         let placemarks = document.descendants().filter(|node| has_name(node, "Placemark"));
         for (index, node) in placemarks.enumerate() {
@@ -70,9 +71,9 @@ pub(crate) fn read_kml(files: &[File]) -> Result<Imported, FormatError> {
 }
 
 /// Reads the points of a `GeoJSON` file.
-pub(crate) fn read_geojson(files: &[File]) -> Result<Imported, FormatError> {
+pub(crate) fn read_geojson(files: &Input) -> Result<Imported, FormatError> {
     let mut points = Points::default();
-    for file in files {
+    for file in files.iter() {
         let value = Syntax::Json.parse(file)?;
         let features: Vec<&Value> = match value.get("features").and_then(Value::as_array) {
             Some(features) => features.iter().collect(),
@@ -124,9 +125,9 @@ const NAMES: [(&str, &[&str]); 9] = [
 ];
 
 /// Reads a table of points: a name, and latitude and longitude, or east and north, or x and y of the site.
-pub(crate) fn read_table(files: &[File]) -> Result<Imported, FormatError> {
+pub(crate) fn read_table(files: &Input) -> Result<Imported, FormatError> {
     let mut points = Points::default();
-    for file in files {
+    for file in files.iter() {
         read_rows(file, &mut points)?;
     }
     points.finish(files, "table with the columns name, lat_deg and lon_deg", None)
@@ -358,8 +359,9 @@ pub(crate) fn write_kml(scene: &Scene, export: &mut Export) {
 mod tests {
     use super::*;
 
-    fn file(name: &str, text: &str) -> File {
-        File { name: name.into(), bytes: text.as_bytes().to_vec() }
+    fn read(format: &str, text: &str) -> Result<Imported, FormatError> {
+        let file = File { name: "points".into(), bytes: text.as_bytes().to_vec() };
+        crate::import(crate::format(format).unwrap(), &[file])
     }
 
     fn coordinates(imported: &Imported) -> Vec<(&str, Option<f64>, Option<f64>)> {
@@ -377,14 +379,14 @@ mod tests {
             {"type": "Feature", "properties": {"name": "A"}, "geometry": {"type": "Point", "coordinates": [11.25, 48.5]}},
             {"type": "Feature", "properties": null, "geometry": {"type": "Point", "coordinates": [11.35, 48.6]}}]}"#;
         let expected = [("A", Some(48.5), Some(11.25)), ("P2", Some(48.6), Some(11.35))];
-        for (read, text) in [
-            (read_gpx as fn(&[File]) -> _, gpx),
-            (read_kml, kml),
-            (read_geojson, geojson),
-            (read_table, "Name,Latitude,Longitude\nA,48.5,11.25\n,48.6,11.35\n"),
-            (read_table, "name;lat;lon\n\"A\";48,5;11,25\n;48,6;11,35\n"),
+        for (name, text) in [
+            ("gpx", gpx),
+            ("kml", kml),
+            ("geojson", geojson),
+            ("points", "Name,Latitude,Longitude\nA,48.5,11.25\n,48.6,11.35\n"),
+            ("points", "name;lat;lon\n\"A\";48,5;11,25\n;48,6;11,35\n"),
         ] {
-            let found = read(&[file("points", text)]).unwrap();
+            let found = read(name, text).unwrap();
             assert_eq!(coordinates(&found), expected, "{text}");
             assert!(found.site.ground_points.iter().all(|point| point.sigma_m.is_some()));
             found.site.check().unwrap();
@@ -394,7 +396,7 @@ mod tests {
     #[test]
     fn tables_have_grids_heights_and_accuracies() {
         let text = "id\teasting\tnorthing\theight_m\taccuracy\nA\t691608.25\t5334760.5\t1.5\t0.02\n";
-        let found = read_table(&[file("points.txt", text)]).unwrap();
+        let found = read("points", text).unwrap();
         let point = &found.site.ground_points[0];
         assert_eq!((point.crs_m, point.height_m), (Some([691_608.25, 5_334_760.5]), Some(1.5)));
         assert_eq!(point.sigma_m, Some(0.02));
@@ -406,25 +408,25 @@ mod tests {
     #[test]
     fn repeated_names_get_numbers() {
         let text = "name,lat,lon\nA,1,2\nA,1,2\nA 2,1,2\n";
-        let found = read_table(&[file("points.csv", text)]).unwrap();
+        let found = read("points", text).unwrap();
         let ids: Vec<&str> = found.site.ground_points.iter().map(|point| point.id.as_str()).collect();
         assert_eq!(ids, ["A", "A 2", "A 2 2"]);
     }
 
     #[test]
     fn files_without_points_are_refused() {
-        for (read, text) in [
-            (read_gpx as fn(&[File]) -> _, "<gpx/>"),
-            (read_gpx, r#"<gpx><wpt lat="x" lon="1"/></gpx>"#),
-            (read_kml, "<kml><Placemark><Point><coordinates>1</coordinates></Point></Placemark></kml>"),
-            (read_geojson, r#"{"type": "Feature", "geometry": {"type": "Point", "coordinates": ["a"]}}"#),
-            (read_table, "a,b\n1,2\n"),
-            (read_table, "lat,lon\n1,x\n"),
-            (read_table, ""),
-            (read_table, "lat,lon\n95,10\n"),
-            (read_table, "lat,lon,sigma\n5,10,0\n"),
+        for (name, text) in [
+            ("gpx", "<gpx/>"),
+            ("gpx", r#"<gpx><wpt lat="x" lon="1"/></gpx>"#),
+            ("kml", "<kml><Placemark><Point><coordinates>1</coordinates></Point></Placemark></kml>"),
+            ("geojson", r#"{"type": "Feature", "geometry": {"type": "Point", "coordinates": ["a"]}}"#),
+            ("points", "a,b\n1,2\n"),
+            ("points", "lat,lon\n1,x\n"),
+            ("points", ""),
+            ("points", "lat,lon\n95,10\n"),
+            ("points", "lat,lon,sigma\n5,10,0\n"),
         ] {
-            assert!(read(&[file("points", text)]).is_err(), "{text}");
+            assert!(read(name, text).is_err(), "{text}");
         }
     }
 }

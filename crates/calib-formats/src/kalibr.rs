@@ -2,20 +2,20 @@
 //! world frame is missing.
 //!
 //! Pixels count from the centre of the first pixel, as in OpenCV. Kalibr names cameras `cam0`, `cam1` and so
-//! on, and its lenses `pinhole-radtan`, `pinhole-equi`, `omni-none` and `ds-none`. The focal lengths of
+//! on, and its lenses `pinhole-radtan`, `pinhole-equi`, `omni-radtan`, `ds-none` and `eucm-none`. The focal lengths of
 //! `omni` and `ds` are `1 + xi` times the focal length at the centre of the image.
 
 use std::fmt::Write as _;
 
 use calib_core::Distortion;
 
-use calib_core::camera::Coefficient;
+use calib_core::camera::{Coefficient, Unified};
 
 use crate::export::{Export, Scene};
-use crate::file::File;
 use crate::file::{FormatError, quoted};
 use crate::fisheye::rotate;
 use crate::given::{Imported, ImportedCamera, site_with_notes};
+use crate::input::Input;
 use crate::opencv::distortion;
 use crate::tree::{Node, Syntax, joined, quote};
 use crate::view::{Terms, View};
@@ -62,7 +62,13 @@ fn kalibr_lens(view: &View, scene: &Scene, export: &mut Export) -> KalibrLens {
         KalibrLens { camera, intrinsics, distortion: "none", terms: Vec::new() }
     };
     match view.distortion() {
-        Some(Distortion::Unified { xi }) => return sphere("omni", &[xi], xi),
+        Some(Distortion::Unified(Unified { xi, radial, tangential })) => {
+            let terms = [radial, tangential].concat();
+            let plain = sphere("omni", &[xi], xi);
+            let is_plain = terms == [0.0; 4];
+            return if is_plain { plain } else { KalibrLens { distortion: "radtan", terms, ..plain } };
+        }
+        Some(Distortion::Eucm { alpha, beta }) => return sphere("eucm", &[alpha, beta], 0.0),
         Some(Distortion::DoubleSphere { xi, alpha }) => return sphere("ds", &[xi, alpha], xi),
         _ => {}
     }
@@ -89,9 +95,9 @@ fn camera_from_camera(view: &View, before: &View) -> [[f64; 4]; 4] {
     [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
 }
 
-pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
+pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
     let (mut given, mut rest) = (Vec::new(), Vec::new());
-    for file in files {
+    for file in files.iter() {
         let tree = Syntax::Yaml.parse(file)?;
         let root = Node::root(file, &tree);
         for (name, camera) in root.entries() {
@@ -101,7 +107,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         }
         rest.extend(root.unread_keys());
     }
-    site_with_notes(given, rest, &files[0].name)
+    site_with_notes(given, rest, files, &files[0].name)
 }
 
 fn lens(name: &str, camera: &Node) -> Result<ImportedCamera, FormatError> {
@@ -110,13 +116,17 @@ fn lens(name: &str, camera: &Node) -> Result<ImportedCamera, FormatError> {
         "pinhole" => (None, intrinsics.exactly()?),
         "omni" => {
             let [xi, k @ ..] = intrinsics.exactly::<5>()?;
-            (Some((xi, Distortion::Unified { xi })), k)
+            (Some((xi, Distortion::unified(xi))), k)
         }
         "ds" => {
             let [xi, alpha, k @ ..] = intrinsics.exactly::<6>()?;
             (Some((xi, Distortion::DoubleSphere { xi, alpha })), k)
         }
-        _ => return Err(model.unexpected("pinhole, omni or ds, the supported camera models")),
+        "eucm" => {
+            let [alpha, beta, k @ ..] = intrinsics.exactly::<6>()?;
+            (Some((0.0, Distortion::Eucm { alpha, beta })), k)
+        }
+        _ => return Err(model.unexpected("pinhole, omni, ds or eucm, the supported camera models")),
     };
     let gain = 1.0 + sphere.map_or(0.0, |(xi, _)| xi);
     let [least, _] = Coefficient::Xi.bounds();
@@ -129,14 +139,17 @@ fn lens(name: &str, camera: &Node) -> Result<ImportedCamera, FormatError> {
     let [width, height] = &sides[..] else { return Err(size.unexpected("width and height")) };
     given.size = Some([width.side()?, height.side()?]);
     let extra = extra_distortion(camera)?;
-    given.distortion = match sphere {
-        None => extra,
-        Some((_, sphere)) if extra == Distortion::None => sphere,
-        Some(_) => {
+    given.distortion = match (sphere, extra) {
+        (None, extra) => extra,
+        (Some((_, sphere)), Distortion::None) => sphere,
+        (Some((xi, Distortion::Unified(_))), Distortion::BrownConrady(brown)) if brown.k3 == 0.0 => {
+            let (radial, tangential) = ([brown.k1, brown.k2], [brown.p1, brown.p2]);
+            Distortion::Unified(Unified { xi, radial, tangential })
+        }
+        (Some(_), _) => {
             let place = format!("{}/distortion_coeffs", camera.place());
             let found = format!("distortion in addition to {}", model.text()?);
-            let expected =
-                "none, or zeros; the combination is not supported. Calibrate it as omni-none or ds-none";
+            let expected = "none, or zeros; the combination is not supported. Calibrate it as omni-radtan, ds-none or eucm-none";
             return Err(FormatError::expected(place, found, expected));
         }
     };

@@ -15,7 +15,7 @@
 //! - `tree`: JSON, YAML, XML and TOML as one tree of values.
 //! - `fisheye`: rotation formats, and the fit of a Kannala-Brandt lens.
 //! - `view`, `export`, `planes`: the input of an export, and its losses and notes.
-//! - `given`: cameras of an import, and their conversion to a site.
+//! - `input`, `given`: files of an import with the caller's statements, its cameras, and their conversion to a site.
 //! - `remap`: the undistortion map of `--rectified`.
 //! - One file for each format, from `opencv` to `worldfile`. `ground_points` has GPX, KML and tables of points.
 //! - `registry`: [`FORMATS`], the list of all formats.
@@ -26,10 +26,12 @@ mod tree;
 mod view;
 mod export;
 mod planes;
+mod input;
 mod given;
 mod remap;
 mod opencv;
 mod ros;
+mod colmap_binary;
 mod colmap;
 mod nerfstudio;
 mod nvidia;
@@ -55,11 +57,13 @@ use std::collections::HashSet;
 use calib_site::Site;
 
 use crate::export::Scene;
+use crate::input::Input;
 
 pub use export::{Export, Loss};
 pub use file::{File, FormatError, MAX_BYTES, MAX_FILES, Problem};
 pub use geojson::coverage_geojson;
 pub use given::Imported;
+pub use input::ImportOptions;
 pub use planes::PlaneTreatment;
 pub use registry::{FORMATS, Format, format};
 pub use remap::remap_npy;
@@ -112,11 +116,24 @@ pub fn export(format: &Format, site: &Site, options: &ExportOptions) -> Result<E
     Ok(export)
 }
 
-/// Reads the files of one calibration.
+/// Reads the files of one calibration, without statements about them; see [`import_with`].
 ///
 /// # Errors
 /// Fails if a file is invalid. The error names the file and the position in it.
 pub fn import(format: &Format, files: &[File]) -> Result<Imported, FormatError> {
+    import_with(format, files, &ImportOptions::default())
+}
+
+/// Reads the files of one calibration.
+///
+/// # Errors
+/// Fails if a file is invalid. The error names the file and the position in it. Fails for an option that the
+/// format does not have.
+pub fn import_with(
+    format: &Format,
+    files: &[File],
+    options: &ImportOptions,
+) -> Result<Imported, FormatError> {
     let read = format.read.ok_or_else(|| FormatError::new(format.name, Problem::WriteOnly))?;
     if files.len() > MAX_FILES {
         let found = format!("{} files", files.len());
@@ -125,5 +142,5 @@ pub fn import(format: &Format, files: &[File]) -> Result<Imported, FormatError> 
     if files.is_empty() {
         return Err(FormatError::new(format.name, Problem::NoFiles(format.extensions)));
     }
-    read(files)
+    read(&Input::new(format.name, format.unit_m, files, options)?)
 }

@@ -7,9 +7,10 @@ use calib_core::{BrownConrady, Distortion};
 use serde_json::{Value, json};
 
 use crate::export::{Export, Scene};
-use crate::file::{File, FormatError, Problem};
+use crate::file::{FormatError, Problem};
 use crate::fisheye::rotate;
 use crate::given::{Imported, ImportedCamera, Pose, site_with_notes};
+use crate::input::Input;
 use crate::tree::{Node, Syntax, pretty};
 use crate::view::{Terms, View};
 
@@ -60,29 +61,34 @@ pub(crate) fn world_from_camera(view: &View) -> [[f64; 4]; 4] {
     [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
 }
 
-pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
+pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
     let (mut given, mut rest) = (Vec::new(), Vec::new());
-    for file in files {
+    for file in files.iter() {
         let tree = Syntax::Json.parse(file)?;
         let root = Node::root(file, &tree);
         for frame in root.require(&["frames"])?.items()? {
-            given.push(camera(&root, &frame)?);
+            given.push(camera(&root, &frame, files.size())?);
         }
         rest.extend(root.unread_keys());
     }
-    let mut imported = site_with_notes(given, rest, &files[0].name)?;
-    imported.notes.push(
-        "poses are read as metres with z up, which is true only for an aligned nerfstudio data set".into(),
-    );
+    let mut imported = site_with_notes(given, rest, files, &files[0].name)?;
+    if files.unit_m().is_none() {
+        imported.notes.push(
+            "poses are read as metres with z up, which is true only for an aligned nerfstudio data set; --unit \
+             states another unit"
+                .into(),
+        );
+    }
     Ok(imported)
 }
 
-/// Reads a frame; its missing keys are taken from the top level of the file.
-fn camera(root: &Node, frame: &Node) -> Result<ImportedCamera, FormatError> {
+/// Reads a frame; its missing keys are taken from the top level of the file. `stated` is the size of the image
+/// from the caller.
+fn camera(root: &Node, frame: &Node, stated: Option<[u32; 2]>) -> Result<ImportedCamera, FormatError> {
     let of = |key: &str| frame.get(key).or_else(|| root.get(key));
     let number = |key: &str| of(key).map(|node| node.number()).transpose();
     let side = |key: &str| of(key).map(|node| node.side()).transpose();
-    let size = side("w")?.zip(side("h")?).map(|(w, h)| [w, h]);
+    let size = stated.or(side("w")?.zip(side("h")?).map(|(w, h)| [w, h]));
     let fx = match (number("fl_x")?, number("camera_angle_x")?, size) {
         (Some(focal), _, _) => focal,
         (None, Some(angle), Some([width, _])) => 0.5 * f64::from(width) / (0.5 * angle).tan(),

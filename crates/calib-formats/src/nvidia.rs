@@ -15,6 +15,7 @@ use crate::given::{
     Imported, ImportedCamera, checked_site, control_point, decompose_projection, intrinsics_from_matrix,
     site_with_notes,
 };
+use crate::input::Input;
 use crate::tree::{Node, Syntax, digits, pretty};
 use crate::view::View;
 
@@ -154,9 +155,9 @@ fn corners(view: &View) -> Vec<FloorPoint> {
     some.chain(more).filter(|p| view.project_undistorted(p.at_height(0.0)).is_some()).collect()
 }
 
-pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
+pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
     if let Some(file) = files.iter().find(|file| file.extension() == "json") {
-        let mut imported = calibration(file)?;
+        let mut imported = calibration(file, files)?;
         imported.notes.extend(unread_notes(files, |other| other.name != file.name));
         return Ok(imported);
     }
@@ -169,7 +170,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         rest.extend(root.unread_keys());
     }
     rest.extend(unread_notes(files, |file| file.base() == "transforms.yml"));
-    site_with_notes(given, rest, &files[0].name)
+    site_with_notes(given, rest, files, &files[0].name)
 }
 
 /// Returns a note for each file that the import does not read.
@@ -189,7 +190,7 @@ fn projected(id: &str, node: &Node) -> Result<ImportedCamera, FormatError> {
     Ok(ImportedCamera { pose: Some(pose), ..ImportedCamera::new(id, node.place(), k) })
 }
 
-fn calibration(file: &File) -> Result<Imported, FormatError> {
+fn calibration(file: &File, input: &Input) -> Result<Imported, FormatError> {
     let tree = Syntax::Json.parse(file)?;
     let root = Node::root(file, &tree);
     let (mut notes, mut cameras) = (Vec::new(), Vec::new());
@@ -215,9 +216,9 @@ fn calibration(file: &File) -> Result<Imported, FormatError> {
                 projected(id, &sensor.require(&["cameraMatrix"])?)?
             };
         given.size = frame_size(&sensor)?;
-        let mut entry = given.into_entry(&mut notes)?;
+        let mut entry = given.stated_by(input).into_entry(&mut notes)?;
         for (px, world) in pairs(&sensor)? {
-            entry.control_points.push(control_point(px, world));
+            entry.control_points.push(control_point(px, input.point(world)));
         }
         cameras.push(entry);
     }

@@ -11,6 +11,7 @@ use crate::file::File;
 use crate::file::{FormatError, Problem};
 use crate::fisheye::{MAX_ANGLE, MAX_FIT_ERROR_PX, fit_error_text, fit_lens};
 use crate::given::{Imported, ImportedCamera, site_with_notes};
+use crate::input::Input;
 use crate::tree::digits;
 
 /// Largest accepted number of coefficients of a polynomial; calibrations with a board have fewer.
@@ -52,12 +53,12 @@ impl Line {
     }
 }
 
-pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
+pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
     let (mut given, mut notes) = (Vec::new(), Vec::new());
-    for file in files {
+    for file in files.iter() {
         given.push(lens(file, &mut notes)?);
     }
-    site_with_notes(given, notes, &files[0].name)
+    site_with_notes(given, notes, files, &files[0].name)
 }
 
 /// Returns the lines with content, without empty lines and comments.

@@ -13,6 +13,7 @@ use crate::export::{Export, Scene};
 use crate::file::{File, FormatError, Problem, quoted};
 use crate::fisheye::{from_rodrigues, rodrigues};
 use crate::given::{Imported, ImportedCamera, intrinsics_from_matrix, site_with_notes};
+use crate::input::Input;
 use crate::tree::{Node, Syntax, digits, escaped, joined, pretty, quote};
 use crate::view::{Terms, View};
 
@@ -110,15 +111,15 @@ fn as_xml(entries: &[(&str, Entry)]) -> String {
     text + "</opencv_storage>\n"
 }
 
-pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
+pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
     let (mut given, mut rest) = (Vec::new(), Vec::new());
-    for file in files {
+    for file in files.iter() {
         let tree = Syntax::detect(file)?.parse(file)?;
         let root = Node::root(file, &tree);
         given.extend(cameras(file, &root)?);
         rest.extend(root.unread_keys());
     }
-    let mut imported = site_with_notes(given, rest, &files[0].name)?;
+    let mut imported = site_with_notes(given, rest, files, &files[0].name)?;
     if imported.site.cameras.iter().any(|camera| camera.solution.is_some()) {
         imported.notes.push(
             "poses are read as metres with z up; rvec and tvec of a chessboard refer to the board instead"

@@ -3,9 +3,9 @@
 use calib_core::DistortionModel;
 
 use crate::export::{Export, Scene};
-use crate::file::File;
 use crate::file::FormatError;
 use crate::given::Imported;
+use crate::input::Input;
 use crate::planes::PlaneTreatment;
 use crate::{
     blender, caliscope, colmap, frigate, fspy, geojson, ground_points, kalibr, nerfstudio, nvdsanalytics,
@@ -13,7 +13,7 @@ use crate::{
 };
 
 type Write = fn(&Scene, &mut Export);
-type Read = fn(&[File]) -> Result<Imported, FormatError>;
+type Read = fn(&Input) -> Result<Imported, FormatError>;
 
 /// Calibration format of another program.
 #[derive(Clone, Copy, Debug)]
@@ -55,6 +55,8 @@ pub struct Format {
     pub pixels: &'static str,
     /// Units of length and angle.
     pub units: &'static str,
+    /// Usual unit of imported poses, in metres; `None` if an import reads no poses.
+    pub unit_m: Option<f64>,
     /// Axes, and the direction of the poses (world to camera or camera to world).
     pub axes: &'static str,
     /// Data in files of the format that an import ignores.
@@ -84,6 +86,7 @@ impl Format {
         names_files_by_id: false,
         pixels: CORNER,
         units: "m",
+        unit_m: None,
         axes: "",
         ignored_by_import: "",
         write: None,
@@ -131,6 +134,7 @@ pub const FORMATS: &[Format] = &[
         lenses: OPENCV_LENSES,
         write: Some(opencv::write),
         read: Some(opencv::read),
+        unit_m: Some(1.0),
         pixels: CENTRE,
         units: "m, rad",
         axes: OPENCV,
@@ -155,13 +159,14 @@ pub const FORMATS: &[Format] = &[
     },
     Format {
         name: "colmap",
-        about: "COLMAP text model: cameras.txt, images.txt, points3D.txt; or cameras.txt alone",
-        extensions: &["txt"],
-        contains: "lens (Brown-Conrady or fisheye), pose",
-        lenses: RADIAL_OR_FISHEYE,
-        companions: &["cameras.txt", "images.txt"],
+        about: "COLMAP model as text or binary: cameras, images; or cameras alone",
+        extensions: &["txt", "bin"],
+        contains: "lens (Brown-Conrady, rational or fisheye), pose",
+        lenses: OPENCV_LENSES,
+        companions: &["cameras.txt", "images.txt", "cameras.bin", "images.bin"],
         write: Some(colmap::write),
         read: Some(colmap::read),
+        unit_m: Some(1.0),
         axes: OPENCV,
         ignored_by_import: "points (points3D.txt) and the points of images",
         ..Format::PLAIN
@@ -174,6 +179,7 @@ pub const FORMATS: &[Format] = &[
         lenses: RADIAL_OR_FISHEYE,
         write: Some(nerfstudio::write),
         read: Some(nerfstudio::read),
+        unit_m: Some(1.0),
         axes: OPENGL,
         ignored_by_import: "points, masks, depths, applied transforms",
         ..Format::PLAIN
@@ -188,6 +194,7 @@ pub const FORMATS: &[Format] = &[
         planes: PlaneTreatment::Misleading,
         write: Some(nvidia::write),
         read: Some(nvidia::read),
+        unit_m: Some(1.0),
         axes: OPENCV,
         ignored_by_import: "regions, tripwires, polygons of the field of view, places, frame rates, the map (transforms.yml, map.png)",
         names_files_by_id: true,
@@ -212,6 +219,7 @@ pub const FORMATS: &[Format] = &[
         lacks: "distortion, standard deviations, EFOV, planes other than the floor",
         write: Some(wildtrack::write),
         read: Some(wildtrack::read),
+        unit_m: Some(0.01),
         pixels: CENTRE,
         units: "cm, rad",
         axes: OPENCV,
@@ -229,6 +237,7 @@ pub const FORMATS: &[Format] = &[
             DistortionModel::KannalaBrandt,
             DistortionModel::Unified,
             DistortionModel::DoubleSphere,
+            DistortionModel::Eucm,
             DistortionModel::Rational,
         ],
         has_periods: true,
@@ -357,13 +366,14 @@ pub const FORMATS: &[Format] = &[
         name: "kalibr",
         about: "Kalibr camchain: lenses",
         extensions: &["yaml", "yml"],
-        contains: "lens (radtan, equidistant, unified or double sphere)",
+        contains: "lens (radtan, equidistant, unified, double sphere or EUCM)",
         lacks: "positions in the world (relative poses are written), k3, standard deviations, EFOV, planes other than the floor",
         lenses: &[
             DistortionModel::BrownConrady,
             DistortionModel::KannalaBrandt,
             DistortionModel::Unified,
             DistortionModel::DoubleSphere,
+            DistortionModel::Eucm,
         ],
         has_positions: false,
         write: Some(kalibr::write),
@@ -410,6 +420,7 @@ pub const FORMATS: &[Format] = &[
         contains: "pinhole, pose",
         lacks: "distortion",
         read: Some(fspy::read),
+        unit_m: Some(1.0),
         units: "arbitrary, rad",
         axes: OPENGL,
         ignored_by_import: "vanishing points, control points, the image",

@@ -6,6 +6,7 @@
 use crate::export::{Export, Scene};
 use crate::file::{File, FormatError, Problem};
 use crate::given::{Imported, ImportedCamera, intrinsics_from_matrix, site_with_notes};
+use crate::input::Input;
 use crate::opencv::{distortion, is_fisheye, written_terms};
 use crate::tree::{Node, Syntax, joined, quote};
 use crate::view::{Terms, View};
@@ -43,9 +44,9 @@ fn camera_info(view: &View, terms: Terms) -> String {
     .concat()
 }
 
-pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
+pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
     let (mut given, mut rest) = (Vec::new(), Vec::new());
-    for file in files {
+    for file in files.iter() {
         if let Some(ost) = Ost::new(file)? {
             given.push(ost.camera()?);
             continue;
@@ -67,7 +68,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         given.push(camera);
         rest.extend(root.unread_keys());
     }
-    site_with_notes(given, rest, &files[0].name)
+    site_with_notes(given, rest, files, &files[0].name)
 }
 
 /// Lens in the INI form of the camera calibrator, `ost.txt`: the numbers below every heading.

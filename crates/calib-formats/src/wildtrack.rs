@@ -11,6 +11,7 @@ use crate::file::File;
 use crate::file::{FormatError, Problem, quoted};
 use crate::fisheye::{from_rodrigues, rodrigues};
 use crate::given::{Imported, ImportedCamera, Pose, intrinsics_from_matrix, site_with_notes};
+use crate::input::Input;
 use crate::opencv::{distortion, matrix_xml};
 use crate::tree::{Node, Syntax, joined};
 
@@ -37,7 +38,7 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
     }
 }
 
-pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
+pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
     // The dataset contains the raw cameras and the cameras of its undistorted images. The cameras of the
     // undistorted images are preferred.
     let is_zero = |file: &File| file.name.contains("intrinsic_zero/");
@@ -60,8 +61,10 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         given.push(camera);
         rest.extend(root.unread_keys());
     }
-    let mut imported = site_with_notes(given, rest, "a folder with intr_*.xml and extr_*.xml")?;
-    imported.notes.push("translations are read as centimetres".into());
+    let mut imported = site_with_notes(given, rest, files, "a folder with intr_*.xml and extr_*.xml")?;
+    if files.unit_m().is_none() {
+        imported.notes.push("translations are read as centimetres; --unit m reads metres".into());
+    }
     let cameras = imported.site.cameras.iter();
     let doubts = cameras.filter_map(|entry| doubt(&entry.id, &entry.camera()?)).collect::<Vec<_>>();
     imported.notes.extend(doubts);
@@ -76,11 +79,14 @@ fn doubt(id: &str, camera: &Camera) -> Option<String> {
     if camera.roll.cos() < 0.0 || height < 0.0 {
         return Some(format!(
             "camera {id} is upside down or below the floor: the world of the file may be left-handed, as in \
-             MultiviewX; such a world has to be mirrored before the import"
+             MultiviewX; --left-handed mirrors it"
         ));
     }
     (height < MIN_HEIGHT_M).then(|| {
-        format!("camera {id} is {:.1} cm above the floor: the file may be in metres", height * CM_PER_M)
+        format!(
+            "camera {id} is {:.1} cm above the floor: if the file is in metres, add --unit m",
+            height * CM_PER_M
+        )
     })
 }
 

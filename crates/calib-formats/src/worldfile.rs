@@ -11,13 +11,14 @@ use calib_site::{Plan, Site};
 use crate::file::File;
 use crate::file::{FormatError, Problem, quoted};
 use crate::given::Imported;
+use crate::input::Input;
 
 /// Extensions of a world file and of the image that it belongs to.
 const IMAGE_EXTENSIONS: [(&str, &str); 4] =
     [("pgw", "png"), ("pngw", "png"), ("jgw", "jpg"), ("jpgw", "jpg")];
 
-pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
-    let [file] = files else {
+pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
+    let [file] = &files[..] else {
         return Err(FormatError::expected(
             "worldfile",
             format!("{} files", files.len()),
@@ -87,7 +88,7 @@ mod tests {
         ) {
             let (a, d) = (size * turn.cos(), size * turn.sin());
             let (b, e) = (d, -a);
-            let read = read(&[file(format!("{a}\n{d}\n{b}\n{e}\n{c}\n{f}\n"))]).unwrap();
+            let read = crate::import(crate::format("worldfile").unwrap(), &[file(format!("{a}\n{d}\n{b}\n{e}\n{c}\n{f}\n"))]).unwrap();
             let plan = read.site.plan.unwrap();
             prop_assert_eq!(plan.image.as_deref(), Some("hall.png"));
             let floor = plan.scale().floor_from_plan(PlanPixel { x: i + 0.5, y: j + 0.5 });
@@ -106,7 +107,10 @@ mod tests {
             "a b c d e f",
             "1 0 0 -1 0 0 0",
         ] {
-            assert!(read(&[file(text.into())]).is_err(), "{text}");
+            assert!(
+                crate::import(crate::format("worldfile").unwrap(), &[file(text.into())]).is_err(),
+                "{text}"
+            );
         }
     }
 }

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
+use calib_core::camera::Unified;
 use calib_core::{BrownConrady, Camera, Covariance, Distortion, Lens, Pixel, WorldPoint};
 
 use calib_formats::{ExportOptions, FORMATS, File, Imported, export, format, import};
@@ -35,7 +36,10 @@ fn any_wide_lens() -> impl Strategy<Value = Distortion> {
     let fisheye = [-0.05..0.05_f64, -0.02..0.02_f64, -0.01..0.01_f64, -0.001..0.001_f64]
         .prop_map(|k| Distortion::KannalaBrandt { k });
     let double = (-0.4..0.6_f64, 0.3..0.8_f64).prop_map(|(xi, alpha)| Distortion::DoubleSphere { xi, alpha });
-    prop_oneof![fisheye, (0.5..2.0_f64).prop_map(|xi| Distortion::Unified { xi }), double]
+    let mei = (0.0..2.0_f64, [-0.3..0.1_f64, 0.0..0.1_f64], [-0.002..0.002_f64, -0.002..0.002_f64])
+        .prop_map(|(xi, radial, tangential)| Distortion::Unified(Unified { xi, radial, tangential }));
+    let eucm = (0.3..0.8_f64, 0.5..2.0_f64).prop_map(|(alpha, beta)| Distortion::Eucm { alpha, beta });
+    prop_oneof![fisheye, (0.5..2.0_f64).prop_map(Distortion::unified), mei, double, eucm]
 }
 
 fn read(name: &str, file: &str, text: &str) -> Result<Imported, String> {
@@ -74,7 +78,25 @@ fn kalibr_pixel(camera: &Yaml, [x, y, z]: [f64; 3]) -> [f64; 2] {
     let k = numbers(&camera["intrinsics"]);
     let length = (x * x + y * y + z * z).sqrt();
     let (a, b, f) = match camera["camera_model"].as_str().unwrap() {
-        "omni" => (x / (z + k[0] * length), y / (z + k[0] * length), &k[1..]),
+        "omni" => {
+            let (a, b) = (x / (z + k[0] * length), y / (z + k[0] * length));
+            let [a, b] = match camera["distortion_model"].as_str().unwrap() {
+                "radtan" => {
+                    let (d, s) = (numbers(&camera["distortion_coeffs"]), a * a + b * b);
+                    let scale = 1.0 + d[0] * s + d[1] * s * s;
+                    [
+                        a * scale + 2.0 * d[2] * a * b + d[3] * (s + 2.0 * a * a),
+                        b * scale + d[2] * (s + 2.0 * b * b) + 2.0 * d[3] * a * b,
+                    ]
+                }
+                _ => [a, b],
+            };
+            (a, b, &k[1..])
+        }
+        "eucm" => {
+            let below = k[0] * (k[1] * (x * x + y * y) + z * z).sqrt() + (1.0 - k[0]) * z;
+            (x / below, y / below, &k[2..])
+        }
         "ds" => {
             let along = k[0] * length + z;
             let second = (x * x + y * y + along * along).sqrt();
@@ -135,7 +157,7 @@ proptest! {
 
 #[test]
 fn relative_poses_of_a_camera_chain_match_the_site() {
-    let first = camera(Distortion::Unified { xi: 1.1 }, 300.0);
+    let first = camera(Distortion::unified(1.1), 300.0);
     let second = Camera { position: WorldPoint::new(2.0, 1.0, 2.5), yaw: -0.8, ..first };
     let mut site = site(&first);
     let solution = Some(Solution::from_camera(&second, Method::Given, Stage::Placed));
@@ -161,11 +183,13 @@ fn unsupported_kalibr_lenses_are_rejected_with_a_reason() {
         )
     };
     let rejected = [
-        (chain("omni", "1.2, 660, 660, 640, 480", "radtan", "0.1, 0, 0, 0"), "not supported"),
+        (chain("omni", "1.2, 660, 660, 640, 480", "radtan", "0.1, 0, 0, 0, 0.1"), "not supported"),
+        (chain("ds", "-0.2, 0.5, 360, 360, 640, 480", "radtan", "0.1, 0, 0, 0"), "not supported"),
         (chain("omni", "-1.2, 660, 660, 640, 480", "none", ""), "above -1"),
         (chain("ds", "-0.2, 1.5, 360, 360, 640, 480", "none", ""), "between 0 and 1"),
         (chain("ds", "-0.2, 0.5, 360, 360, 640", "none", ""), "6"),
-        (chain("eucm", "0.6, 1.1, 360, 360, 640, 480", "none", ""), "pinhole, omni or ds"),
+        (chain("eucm", "0.6, 0, 360, 360, 640, 480", "none", ""), "above 0"),
+        (chain("fov", "0.6, 360, 360, 640, 480", "none", ""), "pinhole, omni, ds or eucm"),
     ];
     for (text, word) in rejected {
         let error = read("kalibr", "camchain.yaml", &text).unwrap_err();
@@ -173,7 +197,7 @@ fn unsupported_kalibr_lenses_are_rejected_with_a_reason() {
     }
     let plain = chain("omni", "1.0, 660, 660, 639.5, 479.5", "radtan", "0, 0, 0, 0");
     let lens = only_lens(&read("kalibr", "camchain.yaml", &plain).unwrap());
-    assert_eq!((lens.distortion, lens.focal), (Distortion::Unified { xi: 1.0 }, 330.0));
+    assert_eq!((lens.distortion, lens.focal), (Distortion::unified(1.0), 330.0));
     assert_eq!(lens.principal_point, Pixel::new(640.0, 480.0));
     let distorted =
         camera(Distortion::BrownConrady(BrownConrady { k3: 0.1, ..BrownConrady::default() }), 900.0);

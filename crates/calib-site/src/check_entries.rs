@@ -380,6 +380,7 @@ pub(crate) fn check_distortion(at: &At, entry: &DistortionEntry, focal: Option<f
         let what = match which {
             Coefficient::Xi => "a number above -1 and up to 1e6",
             Coefficient::Alpha => "a number between 0 and 1",
+            Coefficient::Beta => "a number above 0, from 1e-6 to 1e6",
             _ => "a number between -1e6 and 1e6",
         };
         Bounds { low, high, what }.check(&at.key(key), value)?;
@@ -411,7 +412,7 @@ pub(crate) fn check_distortion(at: &At, entry: &DistortionEntry, focal: Option<f
 
 #[cfg(test)]
 mod tests {
-    use calib_core::camera::Distortion;
+    use calib_core::camera::{Distortion, Unified};
 
     use crate::Site;
 
@@ -427,15 +428,18 @@ mod tests {
     fn sphere_models_need_entered_coefficients() {
         let lens = |text: &str| site(text).map(|site| site.cameras[0].lens());
         let unified = lens(r#"{"model": "unified", "xi": 1.1, "focal_px": 300}"#);
-        assert!(
-            unified
-                .is_ok_and(|lens| lens.distortion == Distortion::Unified { xi: 1.1 } && lens.focal == 300.0)
-        );
+        assert!(unified.is_ok_and(|lens| lens.distortion == Distortion::unified(1.1) && lens.focal == 300.0));
         let double = lens(r#"{"model": "double-sphere", "xi": -0.2, "alpha": 0.6, "focal_px": 300}"#);
         assert!(
             double.is_ok_and(|lens| lens.distortion == Distortion::DoubleSphere { xi: -0.2, alpha: 0.6 })
         );
+        let mei = lens(r#"{"model": "unified", "xi": 0.8, "k1": -0.3, "p2": 0.001, "focal_px": 300}"#);
+        let right = Unified { xi: 0.8, radial: [-0.3, 0.0], tangential: [0.0, 0.001] };
+        assert!(mei.is_ok_and(|lens| lens.distortion == Distortion::Unified(right)));
+        let eucm = lens(r#"{"model": "eucm", "alpha": 0.6, "focal_px": 300}"#);
+        assert!(eucm.is_ok_and(|lens| lens.distortion == Distortion::Eucm { alpha: 0.6, beta: 1.0 }));
         for (text, word) in [
+            (r#"{"model": "eucm", "alpha": 0.6, "beta": 0, "focal_px": 300}"#, "above 0"),
             (r#"{"model": "unified", "xi": -1.0, "focal_px": 300}"#, "above -1"),
             (r#"{"model": "double-sphere", "xi": 0.0, "alpha": 1.1, "focal_px": 300}"#, "between 0 and 1"),
             (r#"{"model": "unified", "xi": 1.0, "alpha": 0.5, "focal_px": 300}"#, "of this model"),

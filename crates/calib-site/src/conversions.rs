@@ -291,20 +291,21 @@ impl DistortionEntry {
             lambda: None,
             xi: None,
             alpha: None,
+            beta: None,
             focal_px: None,
             fit: None,
         }
     }
 
-    /// Returns the distortion if coefficients are entered; absent coefficients are 0.
+    /// Returns the distortion if coefficients are entered. Absent coefficients are 0, and 1 for beta.
     #[must_use]
     pub fn distortion(&self) -> Option<Distortion> {
         let given = Coefficient::ALL.iter().any(|&which| self.coefficient(which).is_some());
         given.then(|| {
             let row = self.model.row();
-            let mut values = [0.0; Distortion::MAX_COEFFICIENTS];
+            let mut values = row.zero.coefficients();
             for (value, &which) in values.iter_mut().zip(row.coefficients) {
-                *value = self.coefficient(which).unwrap_or(0.0);
+                *value = self.coefficient(which).unwrap_or(*value);
             }
             row.zero.with_coefficients(values)
         })
@@ -320,12 +321,16 @@ impl DistortionEntry {
             Some(distortion) => (distortion, None),
             None => (lens.distortion, Some(lens.focal)),
         };
-        let mut entry = Self { focal_px, ..Self::new(distortion.model()?) };
-        let is_prism =
-            |which| matches!(which, Coefficient::S1 | Coefficient::S2 | Coefficient::S3 | Coefficient::S4);
+        let model = distortion.model()?;
+        // Few lenses have thin-prism terms, or distortion in addition to the unified model.
+        let is_rare = |which| match which {
+            Coefficient::S1 | Coefficient::S2 | Coefficient::S3 | Coefficient::S4 => true,
+            Coefficient::Xi => false,
+            _ => model == DistortionModel::Unified,
+        };
         let all = distortion.names().iter().zip(distortion.coefficients());
-        // Few lenses have thin-prism terms.
-        for (&which, value) in all.filter(|&(&which, value)| value != 0.0 || !is_prism(which)) {
+        let mut entry = Self { focal_px, ..Self::new(model) };
+        for (&which, value) in all.filter(|&(&which, value)| value != 0.0 || !is_rare(which)) {
             *entry.coefficient_mut(which) = Some(value);
         }
         Some(entry)

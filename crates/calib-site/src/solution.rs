@@ -30,10 +30,10 @@ document! {
     struct DistortionEntry {
         /// Distortion model, which defines the meaning of the coefficients.
         model: DistortionModel,
-        /// Coefficient k1 of Brown-Conrady, Kannala-Brandt or the rational model.
+        /// Coefficient k1 of Brown-Conrady, Kannala-Brandt, the rational or the unified model.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         k1: Option<f64>,
-        /// Coefficient k2 of Brown-Conrady, Kannala-Brandt or the rational model.
+        /// Coefficient k2 of Brown-Conrady, Kannala-Brandt, the rational or the unified model.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         k2: Option<f64>,
         /// Coefficient k3 of Brown-Conrady, Kannala-Brandt or the rational model.
@@ -48,10 +48,10 @@ document! {
         /// Coefficient k6 of the rational model.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         k6: Option<f64>,
-        /// Coefficient p1 of Brown-Conrady or the rational model.
+        /// Coefficient p1 of Brown-Conrady, the rational or the unified model.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         p1: Option<f64>,
-        /// Coefficient p2 of Brown-Conrady or the rational model.
+        /// Coefficient p2 of Brown-Conrady, the rational or the unified model.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         p2: Option<f64>,
         /// Thin-prism coefficient s1 of the rational model.
@@ -72,9 +72,12 @@ document! {
         /// Coefficient xi of the unified or the double-sphere model.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         xi: Option<f64>,
-        /// Coefficient alpha of the double-sphere model.
+        /// Coefficient alpha of the double-sphere model or of `eucm`.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         alpha: Option<f64>,
+        /// Coefficient beta of `eucm`.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        beta: Option<f64>,
         /// Focal length to which the coefficients refer, in pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         focal_px: Option<f64>,
@@ -333,6 +336,7 @@ impl DistortionEntry {
             Coefficient::Lambda => self.lambda,
             Coefficient::Xi => self.xi,
             Coefficient::Alpha => self.alpha,
+            Coefficient::Beta => self.beta,
         }
     }
 
@@ -354,6 +358,7 @@ impl DistortionEntry {
             Coefficient::Lambda => &mut self.lambda,
             Coefficient::Xi => &mut self.xi,
             Coefficient::Alpha => &mut self.alpha,
+            Coefficient::Beta => &mut self.beta,
         }
     }
 }

@@ -38,7 +38,9 @@ mod as_cam_geom;
 
 pub use chart::Chart;
 pub use covariance::Covariance;
-pub use distortion::{BrownConrady, Coefficient, Distortion, DistortionModel, MODELS, ModelRow, Rational};
+pub use distortion::{
+    BrownConrady, Coefficient, Distortion, DistortionModel, MODELS, ModelRow, Rational, Unified,
+};
 pub use floor_covariance::FloorCovariance;
 pub(crate) use lens::ByParameters;
 pub use lens::Lens;

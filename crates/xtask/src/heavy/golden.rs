@@ -83,7 +83,7 @@ fn entry(index: usize, random: &mut ChaCha8Rng) -> SiteCamera {
             p2: -0.0007,
             k3: -0.01,
         }),
-        4 => Distortion::Unified { xi: 1.1 },
+        4 => Distortion::unified(1.1),
         5 => Distortion::DoubleSphere { xi: -0.2, alpha: 0.6 },
         _ => calib_core::DistortionModel::KannalaBrandt
             .row()

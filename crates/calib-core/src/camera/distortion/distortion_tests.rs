@@ -9,16 +9,19 @@ pub(crate) fn any_distortion() -> impl Strategy<Value = Distortion> {
         .prop_map(|(k1, k2, k3, p1, p2)| Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }));
     let fisheye = [-0.1..0.1_f64, -0.05..0.05_f64, -0.02..0.02_f64, -0.005..0.005_f64]
         .prop_map(|k| Distortion::KannalaBrandt { k });
-    let unified = (-0.5..2.5_f64).prop_map(|xi| Distortion::Unified { xi });
+    let unified = (-0.5..2.5_f64).prop_map(Distortion::unified);
+    let eucm = (0.0..1.0_f64, 0.3..3.0_f64).prop_map(|(alpha, beta)| Distortion::Eucm { alpha, beta });
     let double = (-0.5..1.5_f64, 0.0..1.0_f64).prop_map(|(xi, alpha)| Distortion::DoubleSphere { xi, alpha });
     let division = (-1.0..0.5_f64).prop_map(|lambda| Distortion::Division { lambda });
     let radial = [-0.2..0.5_f64, -0.1..0.2_f64, 0.0..0.02_f64, 0.0..0.9_f64, 0.0..0.4_f64, 0.0..0.06_f64];
     let small = -0.003..0.003_f64;
     let tangential = [small.clone(), small.clone()];
+    let bent = (0.0..2.0_f64, [-0.4..0.2_f64, -0.1..0.2_f64], tangential.clone())
+        .prop_map(|(xi, radial, tangential)| Distortion::Unified(Unified { xi, radial, tangential }));
     let prism = [small.clone(), small.clone(), small.clone(), small];
     let rational = (radial, tangential, prism)
         .prop_map(|(radial, tangential, prism)| Distortion::Rational(Rational { radial, tangential, prism }));
-    prop_oneof![brown, division, fisheye, unified, double, rational]
+    prop_oneof![brown, division, fisheye, unified, bent, double, eucm, rational]
 }
 
 /// Step of finite differences, in coordinates divided by the focal length and in coefficients. It balances
@@ -34,8 +37,8 @@ fn nudged(distortion: &Distortion, coefficient: usize, by: f64) -> Distortion {
 
 /// Returns the indices and names of the coefficients for which a model has derivatives.
 fn names_with_derivatives(distortion: &Distortion) -> impl Iterator<Item = (usize, &'static Coefficient)> {
-    let is_given = matches!(distortion, Distortion::Rational(_));
-    distortion.names().iter().enumerate().filter(move |_| !is_given)
+    let is_fitted = distortion.model().is_some_and(|model| model.row().is_fitted);
+    distortion.names().iter().enumerate().filter(move |_| is_fitted)
 }
 
 /// Returns central differences of a pair of numbers, extrapolated from two steps (Richardson). This removes
@@ -84,7 +87,7 @@ proptest! {
     ) {
         prop_assume!(x.is_finite());
         for xi in [xi, near] {
-            for lens in [Distortion::Unified { xi }, Distortion::DoubleSphere { xi, alpha }] {
+            for lens in [Distortion::unified(xi), Distortion::DoubleSphere { xi, alpha }] {
                 let is_number = |at: &[f64]| at.iter().all(|value| value.is_finite());
                 prop_assert!(lens.distort([x, y]).is_none_or(|at| is_number(&at)));
                 prop_assert!(lens.undistort([x, y]).is_none_or(|at| is_number(&at)));

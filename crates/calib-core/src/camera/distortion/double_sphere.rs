@@ -80,8 +80,6 @@ impl DoubleSphere {
 }
 
 impl Profile for DoubleSphere {
-    const COEFFICIENTS: usize = 2;
-
     fn radius(&self, theta: f64) -> f64 {
         let Terms { sin, denominator: below, .. } = self.terms(theta);
         (1.0 + self.xi) * sin / below.max(0.0)
@@ -98,24 +96,6 @@ impl Profile for DoubleSphere {
         let g_turn = alpha * xi * xi * sin / d2.powi(3);
         let q_turn = sin * (cos * g - below + sin * g_turn);
         (1.0 + xi) * (q_turn + 2.0 * q * sin * g / below) / (below * below)
-    }
-
-    fn by_coefficients(&self, theta: f64) -> [[f64; 2]; Distortion::MAX_FITTED] {
-        let Self { xi, alpha } = *self;
-        let Terms { sin, cos, d2, denominator: below, q, .. } = self.terms(theta);
-        let square = below * below;
-        // Derivatives of D and of g, with respect to xi and to alpha.
-        let by_xi = [alpha * (xi + cos) / d2 + (1.0 - alpha), alpha * (1.0 + xi * cos) / d2.powi(3)];
-        let by_alpha = [d2 - (xi + cos), xi / d2 - 1.0];
-        let by = |[d_below, d_g]: [f64; 2]| {
-            let d_q = cos * d_below + sin * sin * d_g;
-            [-sin * d_below / square, (d_q - 2.0 * q * d_below / below) / square].map(|by| (1.0 + xi) * by)
-        };
-        let [radius, slope] = by(by_xi);
-        let mut all = [[0.0; 2]; Distortion::MAX_FITTED];
-        all[0] = [radius + sin / below, slope + q / square];
-        all[1] = by(by_alpha);
-        all
     }
 
     /// Inverts P by equations 46 to 51 of the paper, with the angle phi at the second centre instead of its

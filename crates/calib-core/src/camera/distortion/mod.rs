@@ -12,6 +12,7 @@ mod division;
 mod profile;
 mod kannala_brandt;
 mod double_sphere;
+mod eucm;
 mod unified;
 mod rational;
 #[path = "distortion_tests.rs"]
@@ -20,9 +21,9 @@ pub(crate) mod tests;
 
 use crate::camera::distortion::division::Division;
 use crate::camera::distortion::double_sphere::DoubleSphere;
+use crate::camera::distortion::eucm::Eucm;
 use crate::camera::distortion::kannala_brandt::KannalaBrandt;
 use crate::camera::distortion::model::Model;
-use crate::camera::distortion::unified::Unified;
 
 pub use brown_conrady::BrownConrady;
 pub(crate) use brown_conrady::{BrownInverse, LANES};
@@ -30,6 +31,7 @@ pub(crate) use model::{
     ByCoefficient, ByCoefficients, Matrix2, RayByCoefficient, RayCurvature, RayMatrix, multiply,
 };
 pub use rational::Rational;
+pub use unified::Unified;
 
 /// Lens distortion, on coordinates relative to the principal point and divided by the focal length. The
 /// coefficients follow OpenCV. In the formulas, `theta` is the angle between a ray and the optical axis.
@@ -52,11 +54,18 @@ pub enum Distortion {
         /// Coefficients k1 to k4.
         k: [f64; 4],
     },
-    /// Unified model of Mei, `omni` of Kalibr: `radius = (1 + xi) sin theta / (xi + cos theta)`. The radius
-    /// is divided by the focal length at the image centre, which is Mei's gamma divided by `1 + xi`.
-    Unified {
-        /// Distance of the pinhole behind the centre of the unit sphere; above -1.
-        xi: f64,
+    /// Unified model of Mei, `omni` of Kalibr: `radius = (1 + xi) sin theta / (xi + cos theta)`, and then
+    /// distortion with k1, k2, p1 and p2. The radius is divided by the focal length at the image centre,
+    /// which is Mei's gamma divided by `1 + xi`.
+    Unified(Unified),
+    /// Extended unified model, `eucm` of Kalibr and Basalt:
+    /// `radius = sin theta / (alpha d + (1 - alpha) cos theta)` with
+    /// `d^2 = beta sin^2 theta + cos^2 theta`.
+    Eucm {
+        /// Weight of the distance d, between 0 and 1.
+        alpha: f64,
+        /// Shape of the surface that rays meet; above 0. The model is the unified one for 1.
+        beta: f64,
     },
     /// Double-sphere model, `ds` of Kalibr and Basalt:
     /// `radius = (1 + xi) sin theta / (alpha d2 + (1 - alpha) (xi + cos theta))` with
@@ -84,12 +93,14 @@ pub enum DistortionModel {
     Division,
     /// OpenCV's fisheye model with the coefficients k1 to k4.
     KannalaBrandt,
-    /// Mei's unified (omnidirectional) model with the coefficient xi.
+    /// Mei's unified (omnidirectional) model with the coefficients xi, k1, k2, p1 and p2.
     Unified,
     /// Double-sphere model with the coefficients xi and alpha.
     DoubleSphere,
     /// Rational model of OpenCV with the coefficients k1 to k6, p1, p2 and s1 to s4.
     Rational,
+    /// Extended unified model with the coefficients alpha and beta.
+    Eucm,
 }
 
 /// Names of the distortion coefficients.
@@ -113,6 +124,7 @@ pub enum Coefficient {
     Lambda,
     Xi,
     Alpha,
+    Beta,
 }
 
 /// Properties of one distortion model: an entry of the table [`MODELS`].
@@ -132,7 +144,8 @@ pub struct ModelRow {
     pub in_order: bool,
     /// Whether the model shows rays 90° or more from the optical axis.
     pub is_wide: bool,
-    /// Whether the model can be fitted to straight edges. Otherwise its coefficients must be given.
+    /// Whether the model can be fitted to straight edges. Otherwise its coefficients must be given, and
+    /// derivatives with respect to them are zero.
     pub is_fitted: bool,
     /// Number of coefficients that are fitted by default: the first ones in the order.
     pub default_count: usize,
@@ -141,8 +154,15 @@ pub struct ModelRow {
 }
 
 /// Table of all distortion models, in the order of [`DistortionModel`].
-pub const MODELS: [ModelRow; 6] =
-    [brown_conrady::ROW, division::ROW, kannala_brandt::ROW, unified::ROW, double_sphere::ROW, rational::ROW];
+pub const MODELS: [ModelRow; 7] = [
+    brown_conrady::ROW,
+    division::ROW,
+    kannala_brandt::ROW,
+    unified::ROW,
+    double_sphere::ROW,
+    rational::ROW,
+    eucm::ROW,
+];
 
 impl DistortionModel {
     /// Returns the table entry of this model in [`MODELS`].
@@ -154,7 +174,7 @@ impl DistortionModel {
 
 impl Coefficient {
     /// All distortion coefficients, in the order in which files list them.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::K1,
         Self::K2,
         Self::K3,
@@ -170,6 +190,7 @@ impl Coefficient {
         Self::Lambda,
         Self::Xi,
         Self::Alpha,
+        Self::Beta,
     ];
 
     /// Returns the name of the coefficient in files.
@@ -191,6 +212,7 @@ impl Coefficient {
             Self::Lambda => "lambda",
             Self::Xi => "xi",
             Self::Alpha => "alpha",
+            Self::Beta => "beta",
         }
     }
 
@@ -201,6 +223,7 @@ impl Coefficient {
             Self::Lambda => "\u{3bb}",
             Self::Xi => "\u{3be}",
             Self::Alpha => "\u{3b1}",
+            Self::Beta => "\u{3b2}",
             other => other.name(),
         }
     }
@@ -211,6 +234,7 @@ impl Coefficient {
         match self {
             Self::Xi => [-0.999_999, 1e6],
             Self::Alpha => [0.0, 1.0],
+            Self::Beta => [1e-6, 1e6],
             _ => [-1e6, 1e6],
         }
     }
@@ -229,6 +253,12 @@ impl Distortion {
     /// coefficients have this length.
     pub const MAX_FITTED: usize = 5;
 
+    /// Creates a unified model without radial and tangential coefficients.
+    #[must_use]
+    pub const fn unified(xi: f64) -> Self {
+        Self::Unified(Unified { xi, radial: [0.0; 2], tangential: [0.0; 2] })
+    }
+
     /// Returns the model of this distortion, or `None` without distortion.
     #[must_use]
     pub const fn model(&self) -> Option<DistortionModel> {
@@ -237,9 +267,10 @@ impl Distortion {
             Self::BrownConrady(_) => Some(DistortionModel::BrownConrady),
             Self::Division { .. } => Some(DistortionModel::Division),
             Self::KannalaBrandt { .. } => Some(DistortionModel::KannalaBrandt),
-            Self::Unified { .. } => Some(DistortionModel::Unified),
+            Self::Unified(_) => Some(DistortionModel::Unified),
             Self::DoubleSphere { .. } => Some(DistortionModel::DoubleSphere),
             Self::Rational(_) => Some(DistortionModel::Rational),
+            Self::Eucm { .. } => Some(DistortionModel::Eucm),
         }
     }
 
@@ -251,9 +282,10 @@ impl Distortion {
             Self::BrownConrady(brown) => function(&brown),
             Self::Division { lambda } => function(&Division { lambda }),
             Self::KannalaBrandt { k } => function(&KannalaBrandt { k }),
-            Self::Unified { xi } => function(&Unified { xi }),
+            Self::Unified(unified) => function(&unified),
             Self::DoubleSphere { xi, alpha } => function(&DoubleSphere { xi, alpha }),
             Self::Rational(rational) => function(&rational),
+            Self::Eucm { alpha, beta } => function(&Eucm { alpha, beta }),
         })
     }
 
@@ -267,7 +299,10 @@ impl Distortion {
             Self::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }) => put(&[*k1, *k2, *k3, *p1, *p2]),
             Self::Division { lambda } => put(&[*lambda]),
             Self::KannalaBrandt { k } => put(k),
-            Self::Unified { xi } => put(&[*xi]),
+            Self::Unified(Unified { xi, radial, tangential }) => {
+                put(&[&[*xi], &radial[..], tangential].concat());
+            }
+            Self::Eucm { alpha, beta } => put(&[*alpha, *beta]),
             Self::DoubleSphere { xi, alpha } => put(&[*xi, *alpha]),
             Self::Rational(Rational { radial, tangential, prism }) => {
                 put(&[&radial[..], tangential, prism].concat());
@@ -292,7 +327,8 @@ impl Distortion {
             Self::BrownConrady(_) => Self::BrownConrady(BrownConrady { k1: a, k2: b, k3: c, p1: d, p2: e }),
             Self::Division { .. } => Self::Division { lambda: a },
             Self::KannalaBrandt { .. } => Self::KannalaBrandt { k: [a, b, c, d] },
-            Self::Unified { .. } => Self::Unified { xi: a },
+            Self::Unified(_) => Self::Unified(Unified { xi: a, radial: [b, c], tangential: [d, e] }),
+            Self::Eucm { .. } => Self::Eucm { alpha: a, beta: b },
             Self::DoubleSphere { .. } => Self::DoubleSphere { xi: a, alpha: b },
             Self::Rational(_) => {
                 Self::Rational(Rational { radial: [a, b, c, d, e, f], tangential: [g, h], prism })

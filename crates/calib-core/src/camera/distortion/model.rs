@@ -73,8 +73,10 @@ pub(crate) trait Model {
     fn distort_jacobian(&self, undistorted: [f64; 2]) -> Matrix2;
 
     /// Returns the derivatives `d distorted / d coefficient` for every coefficient, at a fixed undistorted
-    /// point.
-    fn distort_by_coefficients(&self, undistorted: [f64; 2]) -> [[f64; 2]; Distortion::MAX_FITTED];
+    /// point. They are zero for a model that is given, never fitted, like all derivatives by coefficients.
+    fn distort_by_coefficients(&self, _undistorted: [f64; 2]) -> [[f64; 2]; Distortion::MAX_FITTED] {
+        Default::default()
+    }
 
     /// Returns the Jacobian `d undistorted / d distorted` at the distorted point `distorted`, whose
     /// undistorted point is `undistorted`.
@@ -82,7 +84,9 @@ pub(crate) trait Model {
 
     /// Returns the derivatives of `undistorted` and of [`Self::undistort_jacobian`] with respect to every
     /// coefficient, at the fixed distorted point `distorted`.
-    fn undistort_by_coefficients(&self, distorted: [f64; 2], undistorted: [f64; 2]) -> ByCoefficients;
+    fn undistort_by_coefficients(&self, _distorted: [f64; 2], _undistorted: [f64; 2]) -> ByCoefficients {
+        ByCoefficients::default()
+    }
 
     /// Returns the ray at a distorted point; see [`Distortion::ray`].
     fn ray(&self, distorted: [f64; 2]) -> Option<[f64; 3]> {
@@ -128,6 +132,11 @@ pub(crate) fn radial([x, y]: [f64; 2], across: f64, along: f64) -> Matrix2 {
     }
     let bend = (along - across) / square;
     [[across + bend * x * x, bend * x * y], [bend * x * y, across + bend * y * y]]
+}
+
+/// Returns the product `A B` of a matrix A with two columns and a 2 x 2 matrix B.
+pub(crate) fn product<const N: usize>(a: [[f64; 2]; N], b: Matrix2) -> [[f64; 2]; N] {
+    a.map(|row| [0, 1].map(|k| row[0] * b[0][k] + row[1] * b[1][k]))
 }
 
 /// Returns the product `A x` of a 2 x 2 matrix A and a vector x.

@@ -26,8 +26,8 @@ const MAX_ANGLE: f64 = 0.8 * std::f64::consts::PI;
 /// Profile of a lens: the image radius P, divided by the focal length, of a ray at the angle theta from the
 /// optical axis, in radians. `P(0) = 0` and `P'(0) = 1`, so the focal length is the one at the image centre.
 pub(super) trait Profile {
-    /// Number of coefficients of the profile.
-    const COEFFICIENTS: usize;
+    /// Number of coefficients that can be fitted.
+    const COEFFICIENTS: usize = 0;
 
     /// Returns the image radius P at the angle `theta`.
     fn radius(&self, theta: f64) -> f64;
@@ -38,8 +38,11 @@ pub(super) trait Profile {
     /// Returns the second derivative P'' at the angle `theta`.
     fn curvature(&self, theta: f64) -> f64;
 
-    /// Returns the derivatives of P and P' with respect to every coefficient, at the angle `theta`.
-    fn by_coefficients(&self, theta: f64) -> [[f64; 2]; Distortion::MAX_FITTED];
+    /// Returns the derivatives of P and P' with respect to every coefficient that can be fitted, at the angle
+    /// `theta`.
+    fn by_coefficients(&self, _theta: f64) -> [[f64; 2]; Distortion::MAX_FITTED] {
+        Default::default()
+    }
 
     /// Returns the angle below [`Self::max_angle`], in radians, at which P is `radius`: the inverse of P.
     /// Returns `None` if there is no such angle.

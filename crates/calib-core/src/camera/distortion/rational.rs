@@ -14,7 +14,7 @@
 //! `d A^-1 / d v = -A^-1 (d A / d u A^-1) A^-1`. The coefficients are given, never fitted, so there are no
 //! derivatives with respect to them.
 
-use crate::camera::distortion::model::{ByCoefficients, Matrix2, Model, RayCurvature};
+use crate::camera::distortion::model::{Matrix2, Model, RayCurvature, product};
 use crate::camera::distortion::{Coefficient, Distortion, DistortionModel, ModelRow};
 use crate::camera::numerics::{hypot, positive_roots};
 
@@ -183,11 +183,6 @@ fn inverse([[a, b], [c, d]]: Matrix2) -> Matrix2 {
     [[d / determinant, -b / determinant], [-c / determinant, a / determinant]]
 }
 
-/// Returns the product of two matrices.
-fn product(a: Matrix2, b: Matrix2) -> Matrix2 {
-    a.map(|row| [0, 1].map(|k| row[0] * b[0][k] + row[1] * b[1][k]))
-}
-
 impl Model for Rational {
     fn max_radius(&self) -> f64 {
         self.fold_radius()
@@ -228,10 +223,6 @@ impl Model for Rational {
         self.jacobian(undistorted)
     }
 
-    fn distort_by_coefficients(&self, _: [f64; 2]) -> [[f64; 2]; Distortion::MAX_FITTED] {
-        [[0.0; 2]; Distortion::MAX_FITTED]
-    }
-
     fn undistort_jacobian(&self, _: [f64; 2], undistorted: [f64; 2]) -> Matrix2 {
         inverse(self.jacobian(undistorted))
     }
@@ -245,10 +236,6 @@ impl Model for Rational {
             let [u, v] = product(product(back, change), back).map(|row| row.map(|value| -value));
             [u, v, [0.0; 2]]
         })
-    }
-
-    fn undistort_by_coefficients(&self, _: [f64; 2], _: [f64; 2]) -> ByCoefficients {
-        ByCoefficients::default()
     }
 }
 
