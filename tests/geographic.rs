@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
 use calib_core::floor::{Geographic, TangentPlane};
+use calib_core::outcome::Code;
 use calib_core::{Camera, WorldPoint};
 use calib_demo::random::normal;
 use calib_site::{CoordinateSystem, Options, Site, SiteCamera};
@@ -323,6 +324,29 @@ fn solved_cameras_determine_the_georeference() {
         assert!(squares.iter().all(|square| (0.27..1.73).contains(square)), "{sigma} m: {squares:?}");
         assert!(outside <= 20, "{sigma} m: {outside} of 180 outside the 95 % interval");
     }
+}
+
+#[test]
+fn a_point_far_from_its_place_on_the_map_is_named() {
+    let mut random = ChaCha8Rng::seed_from_u64(21);
+    let mut document = located_site(&mut random, 0.3);
+    let codes = |document: &Value| {
+        let site = Site::from_json(&document.to_string()).unwrap();
+        site.calibrate(&Options::default()).site.warnings
+    };
+    assert!(codes(&document).is_empty(), "{:?}", codes(&document));
+    let points = document["cameras"][0]["control_points"].as_array_mut().unwrap();
+    let wrong = points.iter_mut().find(|point| point["id"] == "g2").unwrap();
+    wrong["lat_deg"] = json!(wrong["lat_deg"].as_f64().unwrap() + 2e-4);
+    let found = codes(&document);
+    let far = found.iter().find(|warning| warning.code == Code::Misfit).unwrap();
+    assert!(far.message.contains("g2") && far.message.contains("22."), "{}", far.message);
+    // A single point does not determine the position on the map.
+    let points = document["cameras"][0]["control_points"].as_array_mut().unwrap();
+    points.retain(|point| point["id"].as_str().is_none_or(|id| !id.starts_with('g') || id == "g0"));
+    let found = codes(&document);
+    let unused = found.iter().find(|warning| warning.code == Code::UnusedAnnotation).unwrap();
+    assert!(unused.message.contains("g0") && unused.advice.contains("second point"), "{unused:?}");
 }
 
 /// Agreement with PROJ on random points of ten grids.

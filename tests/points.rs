@@ -3,7 +3,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-use calib_core::camera::{Camera, Covariance, Lens, Pixel, WorldPoint};
+use calib_core::camera::{BrownConrady, Camera, Covariance, Distortion, Lens, Pixel, WorldPoint};
 use calib_core::outcome::{Code, FailureCode};
 use calib_core::single::Known;
 use calib_site::{ControlPointEntry, LensEntry, Options, SceneEntry, Site, SiteCamera, Solution, Stage};
@@ -237,4 +237,110 @@ fn placement_of_a_camera_from_a_mark_does_not_change_its_orientation() {
     assert!((solution.focal_px / 1250.0 - 1.0).abs() < 1e-4, "{solution:?}");
     assert!((solution.pitch_deg.unwrap() - 24.0).abs() < 1e-3, "{solution:?}");
     assert!((solution.yaw_deg.unwrap() - 70.0).abs() < 1e-3, "{solution:?}");
+}
+
+/// Returns a camera with this lens above a yard, and `count` points in space that are spread over its image. The
+/// coefficients apply to coordinates in units of half the image diagonal.
+fn yard([k1, k2]: [f64; 2], count: usize, random: &mut ChaCha8Rng) -> (Camera, Vec<WorldPoint>) {
+    let distortion = match [k1, k2] {
+        [0.0, 0.0] => Distortion::None,
+        _ => Distortion::BrownConrady(BrownConrady { k1, k2, ..BrownConrady::default() }),
+    };
+    let centre = Pixel::new(960.0, 540.0);
+    let lens = Lens { distortion, focal: 960_f64.hypot(540.0), ..Lens::pinhole(centre) };
+    let camera = Camera {
+        position: WorldPoint::new(0.0, 0.0, random.random_range(3.0..8.0)),
+        yaw: random.random_range(-3.0..3.0),
+        pitch: random.random_range(0.4..0.8),
+        roll: random.random_range(-0.1..0.1),
+        focal: random.random_range(900.0..1500.0),
+        lens,
+        covariance: Covariance::EXACT,
+    };
+    let mut points = Vec::new();
+    while points.len() < count {
+        let quarter = [points.len() % 2, points.len() / 2 % 2].map(|side| side as f64);
+        let at = |side: f64, share: f64| side * (0.04 + 0.46 * share);
+        let [a, b] = [0, 1].map(|axis| 0.5 * quarter[axis] + at(1.0, random.random()));
+        let pixel = Pixel::new(1920.0 * a, 1080.0 * b);
+        let Some(foot) = camera.pixel_to_floor(pixel, 0.0) else { continue };
+        let world = foot.at_height(random.random_range(0.0..2.0));
+        let is_near = foot.distance(camera.position.on_floor()) < 8.0 * camera.position.z;
+        if is_near && camera.world_to_pixel(world).is_some() {
+            points.push(world);
+        }
+    }
+    (camera, points)
+}
+
+/// Returns the solution of a camera from points with a noise of 0.5 px, of which `wrong` points have the pixels of
+/// places 1 to 4 m away.
+fn solve_yard(
+    (camera, points): &(Camera, Vec<WorldPoint>),
+    wrong: usize,
+    random: &mut ChaCha8Rng,
+) -> Option<Solution> {
+    let mut entry = SiteCamera::new("yard", [1920, 1080]);
+    let mut normal = || 0.5 * ((0..12).map(|_| random.random_range(0.0..1.0)).sum::<f64>() - 6.0);
+    for (index, &world) in points.iter().enumerate() {
+        let away = if index < wrong { 1.0 + 3.0 * (index as f64 / wrong as f64) } else { 0.0 };
+        let shown = camera.world_to_pixel(WorldPoint { x: world.x + away, ..world })?;
+        let pixel = Pixel::new(shown.u + normal(), shown.v + normal());
+        let id = Some(format!("p{index}"));
+        entry.control_points.push(ControlPointEntry {
+            id,
+            world_m: Some(world),
+            ..ControlPointEntry::new(pixel)
+        });
+    }
+    entry.sigma_px = Some(0.5);
+    let site = Site { cameras: vec![entry], scene: Some(SceneEntry::EXACT), ..Site::default() };
+    let solution = site.calibrate(&Options::default()).cameras.remove(0).1.ok()?;
+    (solution.stage == Stage::Refined).then_some(solution)
+}
+
+#[test]
+fn curved_lens_is_found_from_points_with_honest_uncertainty() {
+    let mut random = ChaCha8Rng::seed_from_u64(11);
+    println!("points  wrong  solved  with lens  focal rms/sigma  intervals of 95 %");
+    for (count, wrong) in [(8, 0), (12, 0), (12, 1), (20, 2)] {
+        let (mut solved, mut curved, mut square, mut covered, mut intervals) = (0, 0, 0.0, 0, 0);
+        for _ in 0..40 {
+            let k1: f64 = random.random_range(-0.3..-0.12);
+            let scene = yard([k1, k1 * k1 + random.random_range(-0.05..0.05)], count, &mut random);
+            let Some(solution) = solve_yard(&scene, wrong, &mut random) else { continue };
+            let (truth, sigma) = (&scene.0, solution.sigma.as_ref().unwrap());
+            let Some(of_focal) = sigma.focal_px else { continue };
+            solved += 1;
+            curved += usize::from(solution.distortion.is_some());
+            let normalized = [
+                (solution.focal_px - truth.focal) / of_focal,
+                (solution.pitch_deg.unwrap() - truth.pitch.to_degrees()) / sigma.pitch_deg.unwrap(),
+                (solution.position_m.unwrap().z - truth.position.z) / sigma.z_m.unwrap(),
+            ];
+            square += normalized[0] * normalized[0];
+            covered += normalized.iter().filter(|error| error.abs() < 1.96).count();
+            intervals += normalized.len();
+        }
+        let (rms, share) = ((square / solved as f64).sqrt(), covered as f64 / intervals as f64);
+        println!("{count:6} {wrong:6} {solved:7} {curved:10} {rms:16.2} {:18.1} %", 100.0 * share);
+        assert!(solved >= 32 && curved + 3 >= solved, "{count} points");
+        assert!((0.7..1.35).contains(&rms) && share > 0.88, "{count} points: {rms} {share}");
+    }
+}
+
+#[test]
+fn wrong_points_are_not_explained_by_a_lens() {
+    let mut random = ChaCha8Rng::seed_from_u64(12);
+    for (count, wrong) in [(8, 1), (12, 2), (20, 6)] {
+        let (mut solved, mut curved) = (0, 0);
+        for _ in 0..40 {
+            let scene = yard([0.0; 2], count, &mut random);
+            let Some(solution) = solve_yard(&scene, wrong, &mut random) else { continue };
+            solved += 1;
+            curved += usize::from(solution.distortion.is_some());
+        }
+        println!("{count} points, {wrong} wrong: {solved} solved, {curved} with a lens");
+        assert!(solved >= 34 && curved <= 3, "{count} points: {solved} solved, {curved} with a lens");
+    }
 }

@@ -2,9 +2,11 @@
 
 use calib_core::camera::{Camera, Covariance, Lens, Pixel, WorldPoint};
 use calib_core::outcome::Code;
-use calib_core::single::{Annotation, Kind};
+use calib_core::single::{Annotation, Kind, Known};
 use calib_demo::random::{AnnotationSet, RandomScene, normal};
-use calib_site::{LensEntry, Options, PrincipalPointEntry, SceneEntry, Site, SiteCamera, Solution};
+use calib_site::{
+    LensEntry, Options, PrincipalPointEntry, SceneEntry, SceneSigmas, Site, SiteCamera, Solution,
+};
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
@@ -209,4 +211,48 @@ fn exchanged_coordinates_of_the_principal_point_are_named() {
     let halved = solution_with(616.0, 512.0);
     assert!(!messages(&halved, Code::PrincipalPoint)[0].contains("exchanged"), "{:?}", halved.warnings);
     assert!(messages(&solution_with(1232.0, 1024.0), Code::PrincipalPoint).is_empty());
+}
+
+#[test]
+fn lens_of_another_resolution_is_named_with_both_sizes() {
+    let size = [1280, 960];
+    let with_lens = |factor: f64| {
+        let mut site = hall(Pixel::new(640.0, 480.0), size);
+        let [u, v] = [640.0 * factor, 480.0 * factor];
+        site.cameras[0].lens = Some(LensEntry {
+            focal_px: Some(Known::fixed(900.0 * factor)),
+            principal_point_px: Some(PrincipalPointEntry::known(Pixel::new(u, v))),
+            ..LensEntry::default()
+        });
+        solve(&site)
+    };
+    for (factor, stated) in [(0.25, "320 x 240"), (2.5, "3200 x 2400")] {
+        let solution = with_lens(factor);
+        let found = messages(&solution, Code::TwoResolutions);
+        assert!(
+            found.len() == 1 && found[0].contains(stated) && found[0].contains("1280 x 960"),
+            "{solution:?}"
+        );
+    }
+    assert!(messages(&with_lens(1.0), Code::TwoResolutions).is_empty());
+}
+
+#[test]
+fn unknown_slope_of_the_ground_is_asked_about() {
+    let mut road = hall(Pixel::new(960.0, 540.0), SIZE);
+    let height = Some(Known { value: 4.0, sigma: Some(0.05), fixed: false });
+    road.cameras[0].height_m = height;
+    let square = solve(&road);
+    assert!(messages(&square, Code::FloorSlope).is_empty(), "two directions: {:?}", square.warnings);
+    // Only the verticals and one direction are left, as beside a road.
+    road.cameras[0].annotations.truncate(2);
+    let open = solve(&road);
+    assert!(messages(&open, Code::FloorSlope).len() == 1, "{:?} {:?}", open.warnings, open.sigma);
+    assert!(Code::FloorSlope.fails_check());
+    for tilt in [0.3, 3.4] {
+        let stated = SceneSigmas { floor_tilt_sigma_deg: Some(tilt), ..SceneSigmas::default() };
+        road.scene = Some(SceneEntry::Sigmas(stated));
+        let solution = solve(&road);
+        assert!(messages(&solution, Code::FloorSlope).is_empty(), "{:?}", solution.warnings);
+    }
 }

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use calib_core::floor::{DensityLevel, Reach};
-use calib_site::{AreaResult, Site, SiteCamera, SiteCoverage};
+use calib_site::{AreaResult, Site, SiteCamera, SiteCoverage, Units};
 
 use crate::coverage_layer::{all_levels, level_text};
 use crate::frame::{PAGE_END, page_start};
@@ -25,7 +25,7 @@ impl CoveragePage<'_> {
     pub fn text(&self) -> String {
         let mut out = format!("{}\n", self.summary());
         for (level, area) in self.levels() {
-            let _ = writeln!(out, "{}: {area:.1} m\u{b2}", level_text(level));
+            let _ = writeln!(out, "{}: {}", level_text(level), self.area(area));
         }
         for (index, entry) in self.coverage.cameras.iter().enumerate() {
             let _ = writeln!(out, "{}: {}", entry.id, self.camera(index));
@@ -58,12 +58,15 @@ impl CoveragePage<'_> {
              known person.</p>\n",
         );
         self.write_areas(html);
-        html.push_str("<h3>Visible floor of each level</h3><table><thead><tr><th>Level<th class=n>Area, m\u{b2}</tr></thead><tbody>\n");
+        html.push_str("<h3>Visible floor of each level</h3><table><thead><tr><th>Level<th class=n>Area</tr></thead><tbody>\n");
         for (level, area) in self.levels() {
-            let _ = writeln!(html, "<tr><td>{}<td class=n>{area:.1}</tr>", escape(&level_text(level)));
+            let (level, area) = (escape(&level_text(level)), self.area(area));
+            let _ = writeln!(html, "<tr><td>{level}<td class=n>{area}</tr>");
         }
-        html.push_str(
-            "</tbody></table>\n<h3>Farthest distance of each level, m</h3><table><thead><tr><th>Camera",
+        let symbol = self.site.units.symbol();
+        let _ = write!(
+            html,
+            "</tbody></table>\n<h3>Farthest distance of each level, {symbol}</h3><table><thead><tr><th>Camera"
         );
         for level in DensityLevel::ALL {
             let _ = write!(html, "<th class=n>{}", level.name());
@@ -72,7 +75,8 @@ impl CoveragePage<'_> {
         for (entry, reaches) in self.coverage.cameras.iter().zip(&self.coverage.reaches) {
             let _ = write!(html, "<tr><td>{}", escape(&entry.id));
             for reach in reaches {
-                let text = reach.map_or_else(|| "\u{2013}".into(), |reach| reach_text(&reach));
+                let text =
+                    reach.map_or_else(|| "\u{2013}".into(), |reach| reach_text(&reach, self.site.units));
                 let _ = write!(html, "<td class=n>{text}");
             }
             html.push_str("</tr>\n");
@@ -137,13 +141,26 @@ impl CoveragePage<'_> {
             |least: usize| self.coverage.visible_area(|at| self.coverage.coverage.seen_by[at] >= least);
         let target = match self.coverage.height {
             0.0 => "on the floor".into(),
-            height => format!("at a height of {height} m"),
+            height => format!("at a height of {}", self.length(height)),
         };
         format!(
-            "The cameras see {:.1} m\u{b2}; two or more cameras see {:.1} m\u{b2} of it. Targets are {target}.",
-            seen(1),
-            seen(2)
+            "The cameras see {}; two or more cameras see {} of it. Targets are {target}.",
+            self.area(seen(1)),
+            self.area(seen(2))
         )
+    }
+
+    /// Formats an area, given in square metres, in the units of the site.
+    fn area(&self, area: f64) -> String {
+        let units = self.site.units;
+        format!("{:.1} {}\u{b2}", area / units.metres().powi(2), units.symbol())
+    }
+
+    /// Formats a length, given in metres, in the units of the site.
+    fn length(&self, length: f64) -> String {
+        let units = self.site.units;
+        let hundredths = (100.0 * length / units.metres()).round() / 100.0;
+        format!("{hundredths} {}", units.symbol())
     }
 
     /// Returns the visible floor of each level, in square metres.
@@ -156,22 +173,24 @@ impl CoveragePage<'_> {
     fn camera(&self, index: usize) -> String {
         let reaches = DensityLevel::ALL.iter().zip(&self.coverage.reaches[index]).rev();
         let of = |(level, reach): (&DensityLevel, &Option<Reach>)| {
-            Some(format!("{} to {} m", level.name(), reach_text(reach.as_ref()?)))
+            let units = self.site.units;
+            Some(format!("{} to {} {}", level.name(), reach_text(reach.as_ref()?, units), units.symbol()))
         };
         let parts: Vec<String> = reaches.filter_map(of).collect();
         if parts.is_empty() { "reaches no level".into() } else { parts.join(", ") }
     }
 }
 
-/// Formats the farthest distance of a level, in metres without the unit.
-fn reach_text(reach: &Reach) -> String {
-    match (reach.is_limited_by_density, reach.sigma) {
-        (false, _) => format!("\u{2265} {:.1}", reach.distance),
+/// Formats the farthest distance of a level, without the unit.
+fn reach_text(reach: &Reach, units: Units) -> String {
+    let distance = reach.distance / units.metres();
+    match (reach.is_limited_by_density, reach.sigma.map(|sigma| sigma / units.metres())) {
+        (false, _) => format!("\u{2265} {distance:.1}"),
         (true, Some(sigma)) => {
             let digits = decimals(sigma).min(2);
-            format!("{:.digits$} \u{b1} {sigma:.digits$}", reach.distance)
+            format!("{distance:.digits$} \u{b1} {sigma:.digits$}")
         }
-        (true, None) => format!("{:.1}", reach.distance),
+        (true, None) => format!("{distance:.1}"),
     }
 }
 

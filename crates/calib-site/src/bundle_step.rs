@@ -362,6 +362,10 @@ impl<'a> Member<'a> {
     fn free_lens(&self) -> [bool; Lens::PARAMETERS] {
         let fit = self.single.lens_estimate.fit.as_ref();
         let mut free = fit.map_or([false; Lens::PARAMETERS], |fit| fit.free);
+        if self.single.has_lens_from_points {
+            // The coefficients k1 and k2.
+            free[..2].fill(true);
+        }
         // The lens fit of a fisheye has its own prior, not an entered one.
         let is_entered = self.entry.entered_principal_point().is_some();
         if self.single.fits_principal_point() || self.single.principal_point.is_some() && is_entered {

@@ -241,11 +241,16 @@ impl Site {
     ///
     /// The floor is flat: without an altitude, the height of the point is `height_m` above it.
     pub(crate) fn world_of_survey(&self, position: &SurveyedPosition) -> Option<WorldPoint> {
-        if !position.is_entered() {
-            return None;
-        }
+        if position.is_entered() { self.world_on_map(position, &self.known_georeference()?) } else { None }
+    }
+
+    /// Returns the world coordinates of a surveyed position under a georeference.
+    pub(crate) fn world_on_map(
+        &self,
+        position: &SurveyedPosition,
+        georeference: &Georeference,
+    ) -> Option<WorldPoint> {
         let at = position.geographic(self.coordinate_system().as_ref())?;
-        let georeference = self.known_georeference()?;
         let floor = georeference.alt_m.unwrap_or(0.0);
         let height = position.height_m.unwrap_or(0.0);
         let world = georeference.tangent_plane().to_world(match position.alt_m {

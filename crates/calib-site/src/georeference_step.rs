@@ -5,25 +5,135 @@ use std::collections::HashSet;
 
 use calib_core::Camera;
 use calib_core::floor::{GeographicPair, GeoreferenceFit, Ruler, RulerPoint};
+use calib_core::outcome::{Finding, Subject, UnusedReason};
+use nalgebra::DMatrix;
 
-use crate::document::{Site, SiteCamera};
+use crate::document::{ControlPointEntry, Site, SiteCamera};
 use crate::frame::Frame;
 use crate::geographic::SurveyedPosition;
 use crate::site_solution::GeoreferenceSolution;
 
+/// Georeference of a site, and findings about its points.
+#[derive(Debug, Default)]
+pub(crate) struct MapResult {
+    pub(crate) georeference: Option<GeoreferenceSolution>,
+    pub(crate) findings: Vec<Finding>,
+}
+
+/// Control points with coordinates both of the site and of the map.
+#[derive(Debug, Default)]
+struct MappedPoints {
+    /// Indices of the camera and of the control point in it.
+    indices: Vec<[usize; 2]>,
+    pairs: Vec<GeographicPair>,
+    /// Standard deviations of each coordinate of the difference between both positions, in metres.
+    sigmas: Vec<f64>,
+}
+
+impl MappedPoints {
+    /// Reports the worst point if it is far from its coordinates on the map. The others then determine the
+    /// georeference without it.
+    fn far_from_map(&self) -> Option<Finding> {
+        /// Largest distance of a correct point, in standard deviations of a coordinate.
+        const MAX_SIGMAS: f64 = 5.0;
+        let fit = |pairs: &[GeographicPair]| GeoreferenceFit::new(pairs);
+        let distances = fit(&self.pairs)?.distances(&self.pairs);
+        let scaled = distances.iter().zip(&self.sigmas).map(|(distance, sigma)| distance / sigma);
+        let (worst, _) = scaled.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        // The distance from the place that the other points determine, if they do.
+        let others: Vec<GeographicPair> = self
+            .pairs
+            .iter()
+            .enumerate()
+            .filter(|(index, _)| *index != worst)
+            .map(|(_, pair)| *pair)
+            .collect();
+        let by_others = fit(&others).map(|fit| fit.distances(&self.pairs)[worst]);
+        let is_far = distances[worst] > MAX_SIGMAS * self.sigmas[worst];
+        let [camera, point] = self.indices[worst];
+        let distance = by_others.unwrap_or(distances[worst]);
+        is_far.then_some(Finding::FarFromMap { camera, point, distance })
+    }
+}
+
 impl Site {
-    /// Returns the georeference of a solved site, from control points whose world coordinates follow from their
-    /// solved cameras; `None` with fewer than two of them.
-    ///
-    /// The estimate contains the errors of the annotations and of the joint calibration. It does not contain the
-    /// error of a placement by hand: it is the georeference of the plan as drawn.
-    pub(crate) fn georeference_of_cameras(&self) -> Option<GeoreferenceSolution> {
+    /// Returns the georeference from the control points with coordinates on the map, and findings about them.
+    /// `solved` returns the site with its solved cameras.
+    pub(crate) fn solve_georeference(&self, solved: impl FnOnce() -> Self) -> MapResult {
+        if self.entered_georeference().is_some() || self.surveyed_positions() == 0 {
+            return MapResult::default();
+        }
+        if let Some(known) = self.georeference_of_points() {
+            let findings = self.points_of_both_frames().far_from_map().into_iter().collect();
+            return MapResult { georeference: Some(known), findings };
+        }
+        let solved = solved();
+        let (points, covariance) = solved.points_in_cameras();
+        let fit =
+            covariance.as_ref().and_then(|errors| GeoreferenceFit::with_world_errors(&points.pairs, errors));
+        match fit {
+            Some(fit) => MapResult {
+                georeference: Some(GeoreferenceSolution::from_fit(&fit)),
+                findings: points.far_from_map().into_iter().collect(),
+            },
+            None => {
+                MapResult { georeference: None, findings: self.points_off_the_map().into_iter().collect() }
+            }
+        }
+    }
+
+    /// Reports the control points with coordinates on the map that nothing connects to the site.
+    fn points_off_the_map(&self) -> Option<Finding> {
+        let is_used = |point: &ControlPointEntry| {
+            !point.off
+                && point.site_coordinates(self).is_none()
+                && SurveyedPosition::of_control_point(point).is_entered()
+        };
+        let of_camera = |(camera, entry): (usize, &SiteCamera)| {
+            let points = entry.control_points.iter().enumerate();
+            let subject = move |(point, _)| Subject::ControlPoint { camera, point };
+            points.filter(|(_, point)| is_used(point)).map(subject).collect::<Vec<_>>()
+        };
+        let subjects: Vec<Subject> = self.cameras.iter().enumerate().flat_map(of_camera).collect();
+        let reason = UnusedReason::NoGeoreference;
+        (!subjects.is_empty()).then_some(Finding::Unused { subjects, reason })
+    }
+
+    /// Returns the control points with coordinates both of the site and of the map.
+    fn points_of_both_frames(&self) -> MappedPoints {
         let system = self.coordinate_system();
+        let mut found = MappedPoints::default();
+        for (camera, entry) in self.cameras.iter().enumerate() {
+            for (point, control) in entry.control_points.iter().enumerate().filter(|(_, point)| !point.off) {
+                let position = SurveyedPosition::of_control_point(control);
+                let survey = position.geographic(system.as_ref()).zip(position.sigma_m);
+                let (Some((geographic, sigma)), Some(world)) = (survey, control.site_coordinates(self))
+                else {
+                    continue;
+                };
+                found.indices.push([camera, point]);
+                found.pairs.push(GeographicPair { world: world.on_floor(), geographic, sigma });
+                found.sigmas.push(sigma);
+            }
+        }
+        found
+    }
+
+    /// Returns the control points of a solved site with coordinates on the map, at the world coordinates that
+    /// follow from their cameras. Also returns the joint covariance of these world coordinates, which is `None`
+    /// if there are no such points.
+    ///
+    /// The errors of the annotations and of the joint calibration are included. The error of a placement by hand
+    /// is not: the georeference is that of the plan as drawn.
+    fn points_in_cameras(&self) -> (MappedPoints, Option<DMatrix<f64>>) {
+        let system = self.coordinate_system();
+        let mut found = MappedPoints::default();
         let (mut entries, mut cameras): (Vec<&SiteCamera>, Vec<Camera>) = Default::default();
         let (mut points, mut surveyed, mut used) = (Vec::new(), Vec::new(), HashSet::new());
-        for entry in self.cameras.iter().filter(|entry| self.frame(entry) == Frame::Site) {
+        let on_site = |(_, entry): &(usize, &SiteCamera)| self.frame(entry) == Frame::Site;
+        for (index, entry) in self.cameras.iter().enumerate().filter(on_site) {
             let Ok(view) = self.view_of(entry) else { continue };
-            for point in entry.control_points.iter().filter(|point| !point.off) {
+            for (number, point) in entry.control_points.iter().enumerate().filter(|(_, point)| !point.off) {
                 let position = SurveyedPosition::of_control_point(point);
                 let Some((at, sigma)) = position.geographic(system.as_ref()).zip(position.sigma_m) else {
                     continue;
@@ -40,6 +150,7 @@ impl Site {
                 let sigma_px = point.sigma_px.or(entry.sigma_px).unwrap_or(1.0);
                 points.push(RulerPoint { camera: entries.len(), pixel: point.px, height, sigma: sigma_px });
                 surveyed.push((at, sigma));
+                found.indices.push([index, number]);
             }
             entries.push(entry);
             cameras.push(*view.camera());
@@ -49,13 +160,14 @@ impl Site {
             self.covariance_between(ids, [&cameras[a], &cameras[b]]).map(|covariance| *covariance)
         };
         let ruler = Ruler { cameras: &cameras, covariance_between: &between };
-        let (world, covariance) = ruler.positions(&points)?;
-        let pairs: Vec<GeographicPair> = world
-            .into_iter()
-            .zip(surveyed)
-            .map(|(world, (geographic, sigma))| GeographicPair { world, geographic, sigma })
-            .collect();
-        GeoreferenceFit::with_world_errors(&pairs, &covariance)
-            .map(|fit| GeoreferenceSolution::from_fit(&fit))
+        let Some((world, covariance)) = ruler.positions(&points) else {
+            return (MappedPoints::default(), None);
+        };
+        for (i, (world, (geographic, sigma))) in world.into_iter().zip(surveyed).enumerate() {
+            let of_world = 0.5 * (covariance[(2 * i, 2 * i)] + covariance[(2 * i + 1, 2 * i + 1)]);
+            found.pairs.push(GeographicPair { world, geographic, sigma });
+            found.sigmas.push(sigma.hypot(of_world.max(0.0).sqrt()));
+        }
+        (found, Some(covariance))
     }
 }

@@ -7,6 +7,7 @@ use crate::bundle_step::{BundleResult, refine_lenses};
 use crate::camera_result::CameraResult;
 use crate::check_entries::check_solution;
 use crate::document::{Site, SiteCamera};
+use crate::georeference_step::MapResult;
 use crate::lens_cache::LensCache;
 use crate::options::Options;
 use crate::pixel_aspect::usual_pixel_aspect;
@@ -125,10 +126,10 @@ impl Site {
         };
         let planes = bundle.planes.iter().map(found).collect();
         let mut report = Report { cameras, findings, links, marks, planes, site, site_findings };
-        report.site.georeference = self.georeference_of_points().or_else(|| {
-            let is_open = self.entered_georeference().is_none() && self.surveyed_positions() > 0;
-            is_open.then(|| report.write_into(self).georeference_of_cameras())?
-        });
+        let MapResult { georeference, findings } = self.solve_georeference(|| report.write_into(self));
+        report.site.georeference = georeference;
+        report.site.warnings.extend(self.warnings(None, &findings));
+        report.site_findings.extend(findings);
         report
     }
 
@@ -421,6 +422,10 @@ fn apply_joint_estimate(
     if (joined.is_connected || camera.lens.distortion.is_wide()) && focal_is_determined {
         findings.retain(|finding| !matches!(finding.code(), Code::FocalUnobservable | Code::PriorDominates));
     }
+    if joined.is_connected {
+        // Points of the floor determine its slope.
+        findings.retain(|finding| finding.code() != Code::FloorSlope);
+    }
     if joined.is_connected && joined.is_misfit {
         findings.retain(|finding| finding.code() != Code::Misfit);
         findings.push(Finding::JointMisfit { chi2: joined.chi2, dof: joined.dof });
@@ -452,6 +457,7 @@ fn add_single_findings(entry: &SiteCamera, first: &SingleFit, camera: &Camera, r
     findings.extend(invalid_segments(&first.constraints));
     findings.extend(check_lens(entry, camera));
     findings.extend(check_principal_point(entry, first, camera));
+    findings.extend(check_resolution(entry, first));
     findings.extend(check_pixels(entry));
     findings.extend(height_findings(entry, camera, findings));
     add_lengths(entry, camera, findings);
@@ -461,6 +467,25 @@ fn add_single_findings(entry: &SiteCamera, first: &SingleFit, camera: &Camera, r
         findings.retain(|finding| !is_replaced(finding.code()));
         findings.push(Finding::UncertaintyUnknown);
     }
+}
+
+/// Reports an entered principal point that is outside the image, or far from its centre while lines contradict
+/// each other. The lens then probably belongs to another resolution. A principal point of another resolution is
+/// shifted by the same factor in x and y.
+fn check_resolution(entry: &SiteCamera, first: &SingleFit) -> Option<Finding> {
+    /// Smallest ratio of two resolutions of a camera. The principal point of one camera is nearer to the centre
+    /// of its image.
+    const MIN_RATIO: f64 = 1.3;
+    /// Ratio from which the principal point is outside the image.
+    const OUTSIDE: f64 = 2.0;
+    let entered = entry.entered_principal_point().filter(|entered| entered.sigma.is_none())?.value;
+    let [w, h] = entry.size();
+    let ratios = [2.0 * entered.u / w, 2.0 * entered.v / h];
+    let all = |is: &dyn Fn(f64) -> bool| ratios.iter().all(|&ratio| is(ratio));
+    let is_other = all(&|ratio| ratio > MIN_RATIO) || all(&|ratio| ratio < MIN_RATIO.recip());
+    let has_doubts = first.has_outliers() || first.fit.as_ref().is_some_and(|fit| fit.is_misfit);
+    let is_reported = all(&|ratio| ratio > OUTSIDE) || is_other && has_doubts && first.other_centre.is_none();
+    is_reported.then_some(Finding::OtherResolution { entered, size: entry.size_px })
 }
 
 /// Reports an image size whose pixels are usually not square, if no pixel aspect is entered.

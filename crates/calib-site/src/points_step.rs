@@ -116,10 +116,12 @@ impl UsedPoints {
         self.fit(options).is_some_and(|found| is_inconsistent(found.chi2, found.dof))
     }
 
-    /// Fits the camera to the points. `None` if points and priors do not determine the pose and the focal
-    /// length, or contradict each other beyond any noise.
-    pub(crate) fn determined(&self, options: &PointFitOptions) -> Option<PointFit> {
-        let found = self.fit(options)?;
+    /// Fits the camera to the points, if `fits_lens` with a distortion that they support. `None` if points and
+    /// priors do not determine the pose and the focal length, or contradict each other beyond any noise.
+    pub(crate) fn determined(&self, options: &PointFitOptions, fits_lens: bool) -> Option<PointFit> {
+        let plain = self.fit(options)?;
+        let curved = if fits_lens { plain.with_lens(&self.points, options) } else { None };
+        let found = curved.unwrap_or(plain);
         let is_sharp = found.log_focal_sigma.is_none_or(|sigma| sigma < MAX_LOG_FOCAL_SIGMA);
         let is_usable = is_sharp && found.dof >= 0 && !is_inconsistent(found.chi2, found.dof);
         (is_usable && found.camera.covariance.is_known()).then_some(found)

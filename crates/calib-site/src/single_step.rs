@@ -17,8 +17,8 @@ use calib_core::floor::{STAGE_1_HEIGHT, view_angle};
 use calib_core::outcome::{Estimator, Failure, Finding, Parameter, Residual, ResidualOf};
 use calib_core::single::{
     Annotation, Constraints, Fit, FitOptions, FixedParameters, Kind, Known, LocalMinimum, Orientation,
-    PlanePrior, PrincipalPointPrior, Priors, Shape, Source, findings, paper_minimum, residuals_at,
-    suggest_lines,
+    PlanePrior, PointFit, PrincipalPointPrior, Priors, STEEP_GRADE, SceneErrors, Shape, Source, findings,
+    paper_minimum, residuals_at, slope_finding, suggest_lines,
 };
 
 /// Stage 1 of the cameras whose lens others share, by their ids.
@@ -87,6 +87,8 @@ pub(crate) struct SingleFit {
     pub(crate) fit: Option<Fit>,
     /// Whether control points determine the camera, alone or together with the lines.
     pub(crate) is_from_points: bool,
+    /// Whether control points also determine the distortion of the lens.
+    pub(crate) has_lens_from_points: bool,
     /// Index of the mark whose points determine the camera; `None` for control points and lines.
     pub(crate) mark: Option<usize>,
     /// Indices of the control points that contradict the others.
@@ -148,15 +150,18 @@ impl Site {
         let lens = lens_estimate.lens;
         if let Some(given) = entry.solution.as_ref().filter(|_| entry.is_given()) {
             let (constraints, fixed) = (Constraints::default(), FixedParameters::default());
-            let principal_point = None;
-            let inputs = SingleInputs { entry, lens_estimate, constraints, fixed, is_draft, principal_point };
+            let (principal_point, sloping) = (None, None);
+            let inputs =
+                SingleInputs { entry, lens_estimate, constraints, fixed, is_draft, principal_point, sloping };
             return Ok(inputs.with_result(CameraResult::new(given.clone()), None));
         }
         let fixed = fixed_parameters(entry, &lens, owner, better.map(|(_, camera)| camera.focal))?;
         let constraints =
             Constraints::on_planes(&entry.annotations, &lens, self.scene_errors(entry), &self.plane_priors());
         let principal_point = self.principal_point_prior(entry, &lens);
-        let inputs = SingleInputs { entry, lens_estimate, constraints, fixed, is_draft, principal_point };
+        let sloping = if is_draft { None } else { self.sloping_constraints(entry, &lens) };
+        let inputs =
+            SingleInputs { entry, lens_estimate, constraints, fixed, is_draft, principal_point, sloping };
         if options.method != Method::Paper {
             return self.fit_by_likelihood(inputs, options, others.shared);
         }
@@ -177,27 +182,24 @@ impl Site {
         shared: &SharedObservations,
     ) -> Result<SingleFit, Failure> {
         let SingleInputs { entry, fixed, .. } = inputs;
+        // Lines have their own evidence about the lens.
+        let fits_lens = inputs.constraints.is_empty() && inputs.is_lens_open();
         let points = UsedPoints::new(self, entry);
         let of_points = points.options(entry, inputs.lens_estimate.lens, fixed);
         // The fit, its mark, and the control points that contradict it.
         let by_control_points =
-            || points.determined(&of_points).map(|found| (None, points.suspects(&found), found));
+            || points.determined(&of_points, fits_lens).map(|found| (None, points.suspects(&found), found));
         let by_mark = || {
             let marked = UsedPoints::from_mark(self, entry);
             let options = marked.options(entry, inputs.lens_estimate.lens, fixed);
-            marked.determined(&options).map(|found| (marked.mark, Vec::new(), found))
+            marked.determined(&options, fits_lens).map(|found| (marked.mark, Vec::new(), found))
         };
         let by_points = || inputs.is_open().then(|| by_control_points().or_else(by_mark)).flatten();
         if inputs.constraints.is_empty()
             && let Some((mark, suspect_points, found)) = by_points()
         {
-            let mut result = from_points(entry, &found);
-            // `recount_redundancy` counts the redundancy of control points after the placement.
-            if points.len() == 0 && found.dof < 2 {
-                result.findings.push(Finding::UncheckedPoints { dof: found.dof });
-            }
-            let single = inputs.with_result(result, None);
-            return Ok(SingleFit { is_from_points: true, mark, suspect_points, ..single });
+            let single = inputs.with_points(&found, points.len() == 0);
+            return Ok(SingleFit { mark, suspect_points, ..single });
         }
         if inputs.has_lens_only() {
             let result = lens_only(entry, &inputs.lens_estimate);
@@ -245,6 +247,8 @@ struct SingleInputs<'a> {
     is_draft: bool,
     /// Prior on the principal point; `None` if it is known.
     principal_point: Option<PrincipalPointPrior>,
+    /// Constraints on ground that may be steep; `None` if the slope of the ground is stated.
+    sloping: Option<Constraints>,
 }
 
 impl SingleInputs<'_> {
@@ -254,9 +258,30 @@ impl SingleInputs<'_> {
         roll.is_none() || pitch.is_none() || focal.is_none()
     }
 
+    /// Whether nothing determines the distortion: no entry, no other camera and no straight edge.
+    fn is_lens_open(&self) -> bool {
+        let is_entered =
+            self.entry.lens.as_ref().is_some_and(|lens| lens.distortion.is_some() || lens.like.is_some());
+        !is_entered && self.lens_estimate.fit.is_none() && self.entry.image_circle().is_none()
+    }
+
     /// Whether only the lens can be estimated: there are straight edges and no other lines.
     fn has_lens_only(&self) -> bool {
         self.constraints.is_empty() && self.lens_estimate.fit.is_some() && self.is_open()
+    }
+
+    /// Returns the result of a camera that only points determine. `are_of_mark`: they belong to a mark.
+    fn with_points(self, found: &PointFit, are_of_mark: bool) -> SingleFit {
+        let mut result = from_points(self.entry, found);
+        // `recount_redundancy` counts the redundancy of control points after the placement.
+        if are_of_mark && found.dof < 2 {
+            result.findings.push(Finding::UncheckedPoints { dof: found.dof });
+        }
+        let lens = found.camera.lens;
+        let has_lens_from_points = lens.distortion != self.lens_estimate.lens.distortion;
+        let mut single = self.with_result(result, None);
+        single.lens_estimate.lens = lens;
+        SingleFit { is_from_points: true, has_lens_from_points, ..single }
     }
 
     fn with_result(self, result: CameraResult, fit: Option<Fit>) -> SingleFit {
@@ -268,6 +293,7 @@ impl SingleInputs<'_> {
             fixed,
             fit,
             is_from_points: false,
+            has_lens_from_points: false,
             mark: None,
             suspect_points: Vec::new(),
             principal_point,
@@ -277,6 +303,16 @@ impl SingleInputs<'_> {
 }
 
 impl Site {
+    /// Returns the constraints of a camera on ground that may be steep; `None` if the slope is stated.
+    fn sloping_constraints(&self, entry: &SiteCamera, lens: &Lens) -> Option<Constraints> {
+        if entry.scene.or(self.scene).is_some() {
+            return None;
+        }
+        let usual = self.scene_errors(entry);
+        let scene = SceneErrors { floor_tilt: STEEP_GRADE.atan(), ..usual };
+        Some(Constraints::on_planes(&entry.annotations, lens, scene, &self.plane_priors()))
+    }
+
     /// Collects the other evidence of a camera.
     fn suggestion_context(&self, entry: &SiteCamera, shared: &SharedObservations) -> SuggestionContext {
         /// Number of links from which no more links are suggested, because further ones add little
@@ -327,6 +363,7 @@ fn likelihood(
     solution.alternatives =
         fit.alternatives.iter().map(|other| alternative(other, entry, &fit.camera.lens)).collect();
     let mut findings = findings(&fit, sketches.first().map(|sketch| sketch.suggestion));
+    findings.extend(inputs.sloping.as_ref().and_then(|sloping| slope_finding(&fit, sloping, &options)));
     findings.extend(unused_annotations(&entry.annotations, Estimator::MaximumLikelihood, |_| false));
     let off = residuals_when_off(entry, &fit.camera, planes);
     solution.residuals = residual_entries(fit.residuals.iter().copied().chain(off), &fit.outliers);

@@ -6,7 +6,8 @@ use calib_core::camera::{Camera, Covariance};
 use calib_core::floor::{CameraView, Stream, StreamError};
 use calib_core::outcome::{Code, Severity};
 
-use crate::document::{Site, SiteCamera};
+use crate::document::{ControlPointEntry, Site, SiteCamera};
+use crate::geographic::SurveyedPosition;
 use crate::period::CameraLookupError;
 use crate::site_solution::Scale;
 use crate::solution::{FailureEntry, Solution, Stage, Warning};
@@ -97,6 +98,19 @@ impl Site {
         })?;
         let view = CameraView::new(&camera, entry.size(), self.efov_on_floor(entry));
         Ok(view.with_scale(self.scale_is_known(entry)).with_surfaces(self.covering_surfaces()))
+    }
+}
+
+impl Site {
+    /// Returns the distance on the floor between the click of a control point and its coordinates, in metres.
+    /// `None` if the camera is not placed, or the coordinates are not known in the site.
+    #[must_use]
+    pub fn control_point_distance(&self, entry: &SiteCamera, point: &ControlPointEntry) -> Option<f64> {
+        let position = SurveyedPosition::of_control_point(point);
+        let on_map = || self.world_on_map(&position, &self.georeference()?);
+        let world = point.site_coordinates(self).or_else(on_map)?;
+        let camera = entry.camera().filter(|_| entry.is_placed())?;
+        Some(camera.pixel_to_floor(point.px, world.z)?.distance(world.on_floor()))
     }
 }
 

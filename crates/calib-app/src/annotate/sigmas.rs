@@ -14,10 +14,11 @@ use crate::theme;
 type SceneKind = (&'static str, Option<SceneEntry>, &'static str);
 
 /// Kinds of scenes to choose from.
-const SCENE_KINDS: [SceneKind; 4] = [
+const SCENE_KINDS: [SceneKind; 5] = [
     ("Unknown slope", None, "The default: floors may slope a little"),
     ("Level floor", Some(with_slopes(0.3, 0.0)), "Shops, factories"),
     ("Sloping floor", Some(with_slopes(1.5, 2.0)), "Streets, yards"),
+    ("Steep ground", Some(with_slopes(3.4, 3.4)), "Ramps, hills: the ground rises by about 6 %"),
     (
         "Exact",
         Some(SceneEntry::EXACT),

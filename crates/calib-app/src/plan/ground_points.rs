@@ -1,7 +1,7 @@
 //! Panel of ground points: points with known coordinates that wait for a click in an image.
 
 use calib_editor::{Action, PointAction};
-use calib_site::{CoordinateSystem, GroundPoint, Site, typed_degrees};
+use calib_site::{CoordinateSystem, GroundPoint, Site, SiteCamera, typed_degrees};
 use egui::{DragValue, RichText, TextEdit, Ui, Vec2};
 
 use crate::icons::{self, Icon, Look};
@@ -78,7 +78,9 @@ fn point_row(app: &mut App, ui: &mut Ui, point: &GroundPoint) {
         }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             let text = if cameras.is_empty() { "\u{2014}".into() } else { cameras.join(", ") };
-            ui.add(egui::Label::new(text).truncate());
+            ui.add(egui::Label::new(text).truncate()).on_hover_text(
+                "Cameras with this point, and the distance of the click from its coordinates, on the floor",
+            );
         });
     });
     if is_chosen {
@@ -118,9 +120,11 @@ fn new_point(app: &mut App, ui: &mut Ui) {
     match typed_degrees(&text) {
         Some([lat, lon]) if is_entered => {
             let site = &app.editor.session().site;
-            let is_used = |id: &String| {
-                site.ground_points.iter().any(|own| own.id == *id) || !cameras_with(site, id).is_empty()
+            let is_clicked = |id: &String| {
+                let points = site.cameras.iter().flat_map(|camera| &camera.control_points);
+                points.into_iter().any(|point| point.id.as_ref() == Some(id))
             };
+            let is_used = |id: &String| site.ground_points.iter().any(|own| own.id == *id) || is_clicked(id);
             let id = (1..).map(|number| format!("G{number}")).find(|id| !is_used(id)).unwrap_or_default();
             let (lat_deg, lon_deg) = (Some(lat), Some(lon));
             let point =
@@ -141,12 +145,18 @@ fn new_point(app: &mut App, ui: &mut Ui) {
     app.typed_point = text;
 }
 
-/// Returns the ids of the cameras in which a ground point is clicked.
-fn cameras_with<'a>(site: &'a Site, id: &str) -> Vec<&'a str> {
-    let has_point = |camera: &&calib_site::SiteCamera| {
-        camera.control_points.iter().any(|point| point.id.as_deref() == Some(id))
+/// Returns the ids of the cameras in which a ground point is clicked, each with the distance of the click from
+/// the coordinates of the point.
+fn cameras_with(site: &Site, id: &str) -> Vec<String> {
+    let units = site.units;
+    let with_distance = |camera: &SiteCamera| {
+        let point = camera.control_points.iter().find(|point| point.id.as_deref() == Some(id))?;
+        let distance = site.control_point_distance(camera, point).map_or_else(String::new, |distance| {
+            format!(" {:.2} {}", distance / units.metres(), units.symbol())
+        });
+        Some(format!("{}{distance}", camera.id))
     };
-    site.cameras.iter().filter(has_point).map(|camera| camera.id.as_str()).collect()
+    site.cameras.iter().filter_map(with_distance).collect()
 }
 
 /// Returns the coordinates of a ground point as text.

@@ -190,6 +190,17 @@ impl GeoreferenceFit {
         })
     }
 
+    /// Returns the distance of every point between its geographic coordinates and its world coordinates under
+    /// this georeference, in metres.
+    #[must_use]
+    pub fn distances(&self, pairs: &[GeographicPair]) -> Vec<f64> {
+        let plane = TangentPlane::new(self.origin, self.x_axis_azimuth);
+        let distance = |pair: &GeographicPair| {
+            plane.to_world(Geographic { height: 0.0, ..pair.geographic }).on_floor().distance(pair.world)
+        };
+        pairs.iter().map(distance).collect()
+    }
+
     /// Returns the standard deviations of the origin toward east and north, in metres, and of the azimuth, in
     /// radians.
     #[must_use]

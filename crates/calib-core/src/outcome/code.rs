@@ -77,6 +77,10 @@ codes! {
         UninformativePolyline = "uninformative-polyline",
         /// The principal point is far from the image centre, or the entered one contradicts the lines.
         PrincipalPoint = "principal-point",
+        /// The entered principal point is the centre of an image of another resolution.
+        TwoResolutions = "two-resolutions",
+        /// Nothing determines or states the slope of the ground, and floor lengths depend on it.
+        FloorSlope = "floor-slope",
         /// Recorders code images of this size with pixels that are not square, and no pixel aspect is entered.
         PixelsNotSquare = "pixels-not-square",
         /// The distortion folds back on itself inside the image.
@@ -135,6 +139,8 @@ impl Code {
             | Self::UncertaintyUnknown
             | Self::NotThisImage
             | Self::PixelsNotSquare
+            | Self::TwoResolutions
+            | Self::FloorSlope
             | Self::DistortionNotInvertible => Severity::Warning,
             _ => Severity::Note,
         }
@@ -158,6 +164,8 @@ impl Code {
                 | Self::ScaleConflict
                 | Self::DistortionNotInvertible
                 | Self::PixelsNotSquare
+                | Self::TwoResolutions
+                | Self::FloorSlope
                 | Self::NotConnected
                 | Self::ScaleUnknown
         )

@@ -80,6 +80,8 @@ pub enum UnusedReason {
     UnknownLengthOrEnd,
     /// No camera poses make all shared landmarks visible.
     NoPoses,
+    /// The coordinates are those of a map, and the site has no georeference.
+    NoGeoreference,
 }
 
 /// Kind of evidence that cameras share.
@@ -186,6 +188,21 @@ pub enum Finding {
         estimated: Pixel,
         /// Distance from the image centre, divided by the longer side of the image.
         distance: f64,
+    },
+    /// The entered principal point is the centre of an image of another resolution, so that the whole lens
+    /// probably belongs to that resolution.
+    OtherResolution {
+        /// Entered principal point, in raw pixels.
+        entered: Pixel,
+        /// Width and height of the image, in pixels.
+        size: [u32; 2],
+    },
+    /// Floor lengths depend on the slope of the ground, which nothing determines or states.
+    UnknownSlope {
+        /// Relative standard deviation of floor lengths, for ground that slopes as usual.
+        usual: f64,
+        /// Relative standard deviation of floor lengths, for ground that may slope by 6 %.
+        sloping: f64,
     },
     /// Recorders code images of this size with pixels that are not square, and no pixel aspect is entered.
     PixelsNotSquare {
@@ -391,6 +408,15 @@ pub enum Finding {
         /// Index of the control point in its camera.
         point: usize,
     },
+    /// A control point is far from its geographic coordinates, under the georeference from all of them.
+    FarFromMap {
+        /// Index of the camera.
+        camera: usize,
+        /// Index of the control point in its camera.
+        point: usize,
+        /// Distance, in metres.
+        distance: f64,
+    },
     /// A link or a mark was rejected as an outlier.
     ElementOutlier {
         /// Link or mark that was rejected.
@@ -477,6 +503,7 @@ impl Finding {
             | Self::ContradictoryUprights { .. }
             | Self::CurvedEdges { .. }
             | Self::HiddenControlPoints { .. }
+            | Self::FarFromMap { .. }
             | Self::FarControlPoints { .. } => Code::Misfit,
             Self::UninformativeEdges { .. }
             | Self::UncertainCorners { .. }
@@ -496,6 +523,8 @@ impl Finding {
             Self::ScaleConflict { .. } => Code::ScaleConflict,
             Self::EfovAboveHorizon { .. } => Code::EfovAboveHorizon,
             Self::WrongPrincipalPoint { .. } | Self::OffCentre { .. } => Code::PrincipalPoint,
+            Self::OtherResolution { .. } => Code::TwoResolutions,
+            Self::UnknownSlope { .. } => Code::FloorSlope,
             Self::PixelsNotSquare { .. } => Code::PixelsNotSquare,
             Self::DistortionNotInvertible => Code::DistortionNotInvertible,
             Self::NotConnected { .. } | Self::UndeterminedPosition { .. } => Code::NotConnected,
@@ -538,7 +567,9 @@ impl Finding {
             | Self::UncertaintyUnknown
             | Self::NoStandardDeviations => Subject::Orientation,
             Self::BelowFloor { .. } => Subject::Parameter(Parameter::Height),
-            Self::Weak { .. } | Self::Unusable { .. } | Self::NoFloor => Subject::Floor,
+            Self::Weak { .. } | Self::Unusable { .. } | Self::NoFloor | Self::UnknownSlope { .. } => {
+                Subject::Floor
+            }
             Self::LineOutlier { line, .. }
             | Self::Misfit { worst: Some((line, _)), .. }
             | Self::ContradictoryUprights { lowest: (line, _), .. }
@@ -552,6 +583,7 @@ impl Finding {
             | Self::UncertainCorners { .. }
             | Self::WrongPrincipalPoint { .. }
             | Self::OffCentre { .. }
+            | Self::OtherResolution { .. }
             | Self::PixelsNotSquare { .. }
             | Self::DistortionNotInvertible => Subject::Lens,
             Self::UnusedEdges { first: annotation, .. }
@@ -567,7 +599,7 @@ impl Finding {
             Self::ScaleAssumed { .. } | Self::ScaleConflict { .. } => Subject::Parameter(Parameter::Height),
             Self::PlacedByHand | Self::UncheckedPoints { .. } => Subject::Placement,
             Self::EfovAboveHorizon { .. } => Subject::Efov,
-            Self::ControlPointOutlier { camera, point } => {
+            Self::ControlPointOutlier { camera, point } | Self::FarFromMap { camera, point, .. } => {
                 Subject::ControlPoint { camera: *camera, point: *point }
             }
             Self::ElementOutlier { element, .. } => *element,

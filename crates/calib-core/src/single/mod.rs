@@ -22,7 +22,8 @@
 //! - `accuracy`: covariance propagated to **the relative error of floor lengths**;
 //! - `plausibility`: prior that cameras are upright and see the floor;
 //! - `fit`: entry point; [`Fit::new`] runs the whole estimate;
-//! - `p3p`, `point_fit`: pose and focal length from control points alone;
+//! - `p3p`, `point_fit`, `point_lens`: pose, focal length and lens from control points alone;
+//! - `slope`: dependence of floor lengths on the slope of the ground;
 //! - `advice`: findings about a fit, and suggested annotations.
 
 mod annotation;
@@ -51,6 +52,8 @@ mod plausibility;
 mod fit;
 mod p3p;
 mod point_fit;
+mod point_lens;
+mod slope;
 mod advice;
 
 pub use abramov::{closed_form, minimum as paper_minimum};
@@ -77,6 +80,7 @@ pub use point_fit::{PointFit, PointFitOptions};
 pub(crate) use prediction::predictable;
 pub use prediction::{StoredCamera, residuals_at, residuals_of_stored};
 pub use scene_errors::{Deviation, SceneErrors};
+pub use slope::{STEEP_GRADE, slope_finding};
 pub use straightness::{Edge, edges, outermost, straightness, straightness_rms};
 pub(crate) use straightness::{edge_redundancy, repeat_counts, straightness_with_jacobian};
 

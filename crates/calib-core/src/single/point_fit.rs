@@ -52,6 +52,9 @@ pub struct PointFit {
     pub chi2: f64,
     /// Number of residuals of the inliers and priors, minus the number of parameters.
     pub dof: i64,
+    /// Cauchy's loss of all points and of the priors: `sum of ln(1 + e^2 / s^2)`, where s is three standard
+    /// deviations.
+    pub loss: f64,
     /// Indices of the points that contradict the others.
     pub outliers: Vec<usize>,
     /// Standard deviation of the log focal length from points and priors; `None` if the focal length is
@@ -443,6 +446,7 @@ impl<'a> Problem<'a> {
             camera: chosen.camera,
             chi2: chosen.cost,
             dof: chosen.dof,
+            loss: chosen.loss,
             outliers: chosen.outliers,
             log_focal_sigma: chosen.log_focal_sigma,
         })

@@ -91,23 +91,28 @@ impl SentenceContext<'_> {
             F::FarControlPoints { rms_px, worst, worst_px } => {
                 self.far_control_points(*rms_px, *worst, *worst_px)
             }
-            F::UncheckedPoints { dof } => unchecked_points(*dof).into(),
-            F::ExchangedControlPoints { points } => self.exchanged_control_points(*points),
             F::ScaleAssumed { height } => self.scale_assumed(*height),
             F::PlacedByHand => PLACED_BY_HAND.into(),
             F::ScaleConflict { estimated, placed } => self.scale_conflict(*estimated, *placed),
             F::EfovAboveHorizon { is_whole } => efov(*is_whole).into(),
-            F::WrongPrincipalPoint { .. } | F::OffCentre { .. } | F::PixelsNotSquare { .. } => lens(finding),
+            F::WrongPrincipalPoint { .. }
+            | F::OffCentre { .. }
+            | F::OtherResolution { .. }
+            | F::PixelsNotSquare { .. } => lens(finding),
             F::DistortionNotInvertible => NOT_INVERTIBLE.into(),
+            F::UnknownSlope { usual, sloping } => unknown_slope(*usual, *sloping),
             _ => self.shared_message(finding),
         }
     }
 
-    /// Returns the message of a finding about evidence that cameras share.
+    /// Returns the message of a finding about points, or about evidence that cameras share.
     fn shared_message(&self, finding: &Finding) -> String {
         use Finding as F;
         match finding {
+            F::UncheckedPoints { dof } => unchecked_points(*dof).into(),
+            F::ExchangedControlPoints { points } => self.exchanged_control_points(*points),
             F::ControlPointOutlier { camera, point } => self.control_point_outlier(*camera, *point),
+            F::FarFromMap { camera, point, distance } => self.far_from_map(*camera, *point, *distance),
             F::ElementOutlier { element, worst } => self.element_outlier(*element, *worst),
             F::UncheckedLinks { elements, cameras } => self.unchecked_links(elements, cameras),
             F::DistanceOutlier { distance, lengths } => self.distance_outlier(*distance, *lengths),
@@ -170,6 +175,9 @@ const CONNECT_OR_FIX: &str =
 const ANOTHER_EDGE: &str =
     "If the lens is the cause, draw a straight edge in another direction, with three or more points.";
 
+/// Advice for points that contradict each other.
+const CHECK_POINTS: &str = "Check the links, marks and control points with the largest residuals. If many are off, the lens may be curved: draw straight edges.";
+
 /// Advice for an unknown scale.
 const ENTER_A_SCALE: &str = "Enter a known distance, height or length, or two control points on the plan.";
 
@@ -215,7 +223,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         F::Misfit { .. } => {
             "Check the lines with the largest residuals: a line may be misplaced, not parallel, or curved by distortion."
         }
-        F::JointMisfit { .. } => "Check the links, marks and control points with the largest residuals.",
+        F::JointMisfit { .. } => CHECK_POINTS,
         F::CurvedEdges { .. } => {
             "Look for a point that is not on its edge, then for an edge that is not straight in reality."
         }
@@ -238,16 +246,13 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
             "Check the coordinates and the pixel of the worst one, or switch it off and solve again."
         }
         F::UncheckedPoints { .. } => "Click another point, or draw lines.",
-        F::WrongPrincipalPoint { is_exchanged: true, .. } => {
-            "Exchange its coordinates: it is [u, v], from the left and from the top."
+        F::WrongPrincipalPoint { .. }
+        | F::OffCentre { .. }
+        | F::OtherResolution { .. }
+        | F::PixelsNotSquare { .. } => lens_advice(finding),
+        F::UnknownSlope { .. } => {
+            "State the ground: level, sloping or steep (\"scene\"). Or draw a right angle on it."
         }
-        F::WrongPrincipalPoint { .. } => {
-            "Check lens.principal_point_px: its unit is pixels of this image. Or remove it to have it estimated."
-        }
-        F::OffCentre { .. } => {
-            "If the image is not cropped, check the right angles and the verticals. If you know the principal point, enter it."
-        }
-        F::PixelsNotSquare { .. } => ENTER_ASPECT,
         F::ExchangedControlPoints { .. } => EXCHANGE,
         F::ScaleConflict { .. } => {
             "Check the scale of the plan, the heights and lengths, and the size of the field of view on the plan."
@@ -260,10 +265,40 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
     }
 }
 
+/// Returns the advice for findings about the principal point, the resolution and the pixels of a lens.
+const fn lens_advice(finding: &Finding) -> &'static str {
+    match finding {
+        Finding::WrongPrincipalPoint { is_exchanged: true, .. } => {
+            "Exchange its coordinates: it is [u, v], from the left and from the top."
+        }
+        Finding::WrongPrincipalPoint { .. } => {
+            "Check lens.principal_point_px: its unit is pixels of this image. Or remove it to have it estimated."
+        }
+        Finding::OffCentre { .. } => {
+            "If the image is not cropped, check the right angles and the verticals. If you know the principal point, enter it."
+        }
+        Finding::OtherResolution { .. } => {
+            "Enter the lens of this resolution: multiply its focal length and principal point by the ratio of the widths."
+        }
+        _ => ENTER_ASPECT,
+    }
+}
+
+/// Returns the message for ground of unknown slope, with the errors of floor lengths on usual and steep ground.
+fn unknown_slope(usual: f64, sloping: f64) -> String {
+    format!(
+        "Floor lengths depend on the slope of the ground: they are accurate to ± {:.1} % on nearly level ground, but only \
+         to ± {:.1} % on ground that rises by 6 %.",
+        100.0 * usual,
+        100.0 * sloping
+    )
+}
+
 /// Returns the advice for findings about evidence that cameras share, and about placements.
 const fn shared_advice(finding: &Finding) -> &'static str {
     use Finding as F;
     match finding {
+        F::FarFromMap { .. } => "Check its coordinates on the map and its pixel, then the scale of the plan.",
         F::ControlPointOutlier { .. } => {
             "Check its coordinates and its pixel. If both are correct, use it anyway (\"keep\")."
         }
@@ -314,6 +349,9 @@ const fn advice_on_unused(why: UnusedReason) -> &'static str {
             "Use links or marks that are annotated in images, and enter \"sigma\" or \"fixed\" for the length."
         }
         UnusedReason::NoPoses => "Switch off links and marks one at a time, the farthest first.",
+        UnusedReason::NoGeoreference => {
+            "Add a second point with coordinates on the map to a solved camera, or enter \"georeference\"."
+        }
     }
 }
 
@@ -435,6 +473,13 @@ fn lens(finding: &Finding) -> String {
             "The principal point {} is {:.0} % of the longer side away from the image centre: the image is probably cropped.",
             point(estimated),
             100.0 * distance
+        ),
+        Finding::OtherResolution { entered, size: [w, h] } => format!(
+            "The entered principal point {} is the centre of an image of {:.0} x {:.0} pixels, but this image has {w} x {h}. \
+             The lens probably belongs to another resolution.",
+            point(entered),
+            2.0 * entered.u,
+            2.0 * entered.v
         ),
         Finding::PixelsNotSquare { size: [w, h], aspect } => format!(
             "Images of {w} x {h} pixels usually have pixels that are not square (aspect {aspect:.3}), and no pixel aspect is entered."

@@ -320,6 +320,14 @@ impl SentenceContext<'_> {
         )
     }
 
+    pub(super) fn far_from_map(&self, camera: usize, point: usize, distance: f64) -> String {
+        let name = self.shared(Subject::ControlPoint { camera, point });
+        let distance = self.length(distance);
+        format!(
+            "The coordinates of {name} on the map are {distance} from its place in the image, according to the other points."
+        )
+    }
+
     pub(super) fn control_point_outlier(&self, camera: usize, point: usize) -> String {
         let name = self.control_point(self.site.cameras.get(camera), point);
         format!("Control point {name} contradicts the others and was rejected.")
@@ -400,6 +408,7 @@ impl SentenceContext<'_> {
                 "an end has no position, or the length has neither \"sigma\" nor \"fixed\""
             }
             UnusedReason::NoPoses => "no camera position makes all links and marks visible",
+            UnusedReason::NoGeoreference => "the position of the site on the map is unknown",
         };
         format!("Not used: {}; {why}.", enumerated(&names))
     }
