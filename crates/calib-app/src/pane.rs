@@ -10,6 +10,7 @@ use egui::{CursorIcon, Event, Modifiers, Painter, Pos2, Rect, Role, Sense, Ui, V
 
 use crate::annotate::image;
 use crate::annotate::loupe;
+use crate::annotate::measurements::{paint_on_image, update_measurements};
 use crate::annotate::minimap;
 use crate::canvas::{Bend, Mapping, View};
 use crate::compare::panel;
@@ -17,6 +18,7 @@ use crate::handles;
 use crate::keys;
 use crate::paint::{Pen, line};
 use crate::picture::picture_key;
+use crate::plan::coverage::{legend_ui, update_coverage};
 use crate::plan::drawing_fields::snapped;
 use crate::plan::floor::Floor;
 use crate::plan::north::paint_north;
@@ -235,12 +237,19 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     let split = panel::paint(app, &painter, (camera, place), &mapping, size);
     let is_own = camera == app.editor.session().camera && place != Place::Tile;
     let suggested = if is_own { app.suggested(ui.ctx()) } else { Vec::new() };
+    let is_measured = !app.editor.site().measurements.is_empty();
+    if is_measured {
+        update_measurements(app);
+    }
     let mut overlay = image::overlay(app, ui, camera, mapping, place);
     overlay.suggested = suggested;
     if let Some(split) = split {
         overlay.compare(split, app.editor.newer(camera));
     }
     overlay.paint(&painter);
+    if is_measured && !app.view.layers.hidden {
+        paint_on_image(app, camera, &overlay, &painter);
+    }
     // A selection box is a rectangle of pixels; every other preview is a line of the scene.
     let is_box = app.editor.tool_row() == 0;
     for points in app.editor.tool().preview_lines(pane) {
@@ -347,19 +356,25 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     let (mapping, painter) = canvas(app, ui, key, Mapping::new(view, rect), "Floor plan");
     let palette = theme::palette(ui.ctx());
     let pieces = app.plan_pieces(ui.ctx());
+    if app.view.coverage {
+        update_coverage(app);
+    }
     let before = app.editor.ghost_poses(app.view.show_before);
     let floor = Floor {
         session: app.editor.session(),
         mapping,
         opacity: app.opacity(ui.ctx()),
         blend: app.view.blend,
-        coverage: app.view.coverage,
+        fills: !app.view.coverage,
         ellipses: app.ellipse_size(),
         before: &before,
     };
     floor.paint_plan(&painter, &pieces);
     floor.paint_grid(&painter, palette.text3.gamma_multiply(0.18));
     floor.paint_images(&painter, &app.pictures);
+    if app.view.coverage {
+        app.coverage.paint(app.editor.site(), &painter, &mapping);
+    }
     let cursor = app.view.panes.cursor.and_then(|(pane, at)| (pane == Pane::Plan).then_some(at));
     floor.paint_cameras(&painter, cursor);
     // During a drag, labels of elements would hide the numbers of the dragged camera.
@@ -371,5 +386,8 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     floor.paint_scale(&painter);
     paint_north(app.editor.session(), &floor.mapping, &painter);
     handles::on_plan(app, ui, &mapping);
+    if app.view.coverage && place == Place::Main {
+        legend_ui(app, ui, rect);
+    }
     self::cursor(app, ui, Pane::Plan, &mapping);
 }

@@ -31,7 +31,7 @@ fn draw(desk: &mut Desk, tool: usize) {
             desk.click(image, [900.0, 700.0]);
             desk.click(Pane::Plan, [14.0, 8.0]);
         }
-        "Measure plan" => {
+        "Measure" => {
             desk.key(Key::Num2);
             desk.click(Pane::Plan, [10.0, 5.0]);
             desk.click(Pane::Plan, [14.0, 5.0]);
@@ -87,7 +87,7 @@ fn annotations_are_edited_and_deleted() {
     for (tool, row) in TOOLS
         .iter()
         .enumerate()
-        .filter(|(_, row)| !["Select", "Measure plan", "Region of a plane"].contains(&row.title))
+        .filter(|(_, row)| !["Select", "Measure", "Region of a plane"].contains(&row.title))
     {
         let mut desk = Desk::new(demo());
         let before = desk.site().clone();

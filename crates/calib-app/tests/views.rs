@@ -505,7 +505,7 @@ fn dxf_plan_has_its_scale_layers_and_corners() {
     let names: Vec<&str> = drawing.layers.iter().map(|layer| layer.name.as_str()).collect();
     assert_eq!(names, ["FURNITURE", "WALLS"]);
     // A click near a corner measures from the corner.
-    let measure = TOOLS.iter().position(|tool| tool.title == "Measure plan").unwrap();
+    let measure = TOOLS.iter().position(|tool| tool.title == "Measure").unwrap();
     desk.app().act(Action::SelectTool(measure));
     desk.click(Pane::Plan, [0.02, 0.02]);
     desk.click(Pane::Plan, [19.98, 0.03]);
@@ -533,7 +533,7 @@ fn dxf_plan_without_unit_asks_for_a_length() {
     desk.wait(|app| app.waiting() == 0);
     let plan = desk.site().plan.clone().unwrap();
     assert_eq!(plan.metres_per_px, before);
-    assert_eq!(TOOLS[desk.app().editor.tool_row()].title, "Measure plan");
+    assert_eq!(TOOLS[desk.app().editor.tool_row()].title, "Measure");
     scratch.write("broken.dxf", "0\nSECTION\n2\nENTITIES\n0\nEOF\n");
     desk.app().take_path(&ctx, scratch.path("broken.dxf"));
     desk.wait(|app| app.waiting() == 0);
@@ -661,4 +661,68 @@ fn image_circle_is_detected_removed_and_detected_again() {
     let asked = desk.site().cameras[0].lens.as_ref().and_then(|lens| lens.distortion.clone()).unwrap();
     assert!(asked.model.row().is_wide && asked.distortion().is_none(), "{asked:?}");
     assert!(words(&desk).contains("fisheye: needs straight edges"), "{}", words(&desk));
+}
+
+#[test]
+fn lengths_and_heights_are_measured_in_the_images() {
+    let mut desk = Desk::new(demo());
+    let image = Pane::Image(0);
+    let solution = desk.app().editor.session().solved.solution(0).cloned();
+    let pose = *desk.app().editor.session().solved.pose(0).unwrap();
+    let (a, b) = ([700.0, 800.0], [1100.0, 860.0]);
+    let [from, to] = [a, b].map(|at| pose.pixel_to_floor(at.into(), 0.0).unwrap());
+    desk.take("Measure");
+    desk.click(image, a);
+    desk.click(image, b);
+    let measured = desk.site().measurements.clone();
+    assert_eq!((measured.len(), measured[0].points.len()), (1, 2));
+    assert_eq!(
+        desk.app().editor.session().solved.solution(0).cloned(),
+        solution,
+        "measuring changes nothing"
+    );
+    let words = desk.words();
+    let value = words.iter().find(|word| word.ends_with(" m") && word.contains(" m \u{b1} ")).unwrap();
+    let shown: f64 = value.split(' ').next().unwrap().parse().unwrap();
+    assert!((shown - from.distance(to)).abs() < 0.05, "{value}, expected {}", from.distance(to));
+    // A person of 1.8 m at the first point.
+    let head = pose.world_to_pixel(from.at_height(1.8)).unwrap();
+    let ends = [a, head.into()].map(|at| desk.screen(image, at));
+    desk.drag_screen(&ends, Modifiers::SHIFT);
+    desk.harness.run_steps(2);
+    assert_eq!(desk.site().measurements[1].kind, calib_site::MeasurementKind::Height);
+    assert!(desk.words().iter().any(|word| word.starts_with("1.8") && word.contains(" m \u{b1} ")));
+    // A length becomes an annotation, which is not used until its length is entered.
+    desk.harness.get_by_label("Use length 1 as a known length").click();
+    desk.harness.run_steps(3);
+    let last = desk.site().cameras[0].annotations.last().unwrap().clone();
+    assert!(last.kind == Kind::KnownLength && last.off, "{last:?}");
+    desk.harness.get_by_label("Remove length 1").click();
+    desk.harness.run_steps(3);
+    assert_eq!(desk.site().measurements.len(), 1);
+    for _ in 0..4 {
+        desk.undo();
+    }
+    assert!(desk.site().measurements.is_empty());
+}
+
+#[test]
+fn plan_shows_the_pixel_density_of_the_cameras() {
+    let mut desk = Desk::new(demo());
+    desk.key(Key::Num2);
+    let has = |desk: &Desk, text: &str| desk.words().iter().any(|word| word.contains(text));
+    assert!(!has(&desk, "recognise, from 125 px/m"));
+    desk.tell(Command::Coverage);
+    assert!(has(&desk, "recognise, from 125 px/m") && has(&desk, "m\u{b2}"));
+    let session = desk.app().editor.session();
+    let foot = session.solved.pose(0).unwrap().position;
+    let field = &session.solved.solution(0).unwrap().efov_m;
+    let count = field.len() as f64;
+    let middle = field.iter().fold([0.0; 2], |sum, at| [sum[0] + at.x / count, sum[1] + at.y / count]);
+    let at = desk.screen(Pane::Plan, middle);
+    desk.harness.hover_at(at);
+    desk.harness.run_steps(3);
+    assert!(desk.words().iter().any(|word| word.contains(" px/m (") && word.contains(" by ")), "{foot:?}");
+    desk.tell(Command::Coverage);
+    assert!(!has(&desk, "recognise, from 125 px/m"));
 }

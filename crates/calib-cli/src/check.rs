@@ -1,6 +1,7 @@
 //! `calib check`: the quality gate for the cameras and the site.
 
 use calib_core::Code;
+use calib_core::single::MIN_SLOPE_EFFECT_REL;
 
 use calib_site::{Names, Site, SiteCamera, SiteSolution, Solution, Warning};
 
@@ -243,7 +244,7 @@ fn faults(site: &Site, index: usize, camera: &SiteCamera, args: &Args) -> Vec<Fa
     match (&camera.solution, &camera.error) {
         (Some(solution), _) => {
             let mut faults = over_limit(solution, args);
-            faults.extend(findings(site, index, camera, solution));
+            faults.extend(findings(site, index, camera, solution, args));
             faults
         }
         (None, Some(failure)) => {
@@ -255,14 +256,17 @@ fn faults(site: &Site, index: usize, camera: &SiteCamera, args: &Args) -> Vec<Fa
 
 /// Returns the failing findings of a camera: the warnings of its solution, and findings that follow from pose
 /// and annotations only. An imported camera has no others.
-fn findings(site: &Site, index: usize, camera: &SiteCamera, solution: &Solution) -> Vec<Fault> {
+fn findings(site: &Site, index: usize, camera: &SiteCamera, solution: &Solution, args: &Args) -> Vec<Fault> {
     let mut warnings: Vec<Warning> = solution.warnings.clone();
     for finding in camera.pose_findings().into_iter().chain(site.points_outside(camera)) {
         if warnings.iter().all(|warning| warning.code != finding.code()) {
             warnings.push(site.describe_finding(Some(index), &finding, Names::InFile));
         }
     }
-    warnings.iter().filter(|warning| warning.code.fails_check()).map(Fault::from).collect()
+    // An unknown slope does not matter if its errors are accepted.
+    let is_accepted = |code: Code| code == Code::FloorSlope && args.max_floor_error >= MIN_SLOPE_EFFECT_REL;
+    let fails = |warning: &&Warning| warning.code.fails_check() && !is_accepted(warning.code);
+    warnings.iter().filter(fails).map(Fault::from).collect()
 }
 
 /// Formats the checked numbers of a camera.

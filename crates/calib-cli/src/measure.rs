@@ -2,10 +2,8 @@
 
 use calib_core::Pixel;
 use calib_core::floor::Measured;
-use calib_report::{decimals, shortened_list};
-use calib_site::{
-    CameraViewError, Measurement, MeasurementError, MeasurementKind, MeasurementPoint, Site, Units,
-};
+use calib_report::{measured_text, shortened_list};
+use calib_site::{CameraViewError, Measurement, MeasurementError, MeasurementKind, MeasurementPoint, Site};
 use jiff::Timestamp;
 use serde_json::{Value, json};
 
@@ -13,9 +11,6 @@ use crate::files::{self, print_message};
 use crate::site_file::SiteFile;
 use crate::solve::Format;
 use crate::stop::{CommandError, escape_control_characters};
-
-/// A mile per hour, in metres per second.
-const MILE_PER_HOUR: f64 = 0.44704;
 
 /// Arguments of `calib measure`.
 #[derive(Debug, clap::Args)]
@@ -112,7 +107,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     })?;
     files::print(&match Format::given_or_usual(args.format) {
         Format::Json => format!("{}\n", as_json(measurement.kind, found)),
-        Format::Text => format!("{}\n", as_text(measurement.kind, found, file.site.units)),
+        Format::Text => format!("{}\n", measured_text(measurement.kind, found, file.site.units)),
     })
 }
 
@@ -152,7 +147,10 @@ fn stored(file: &SiteFile, args: &Args) -> Result<(), CommandError> {
                 let mut value = as_json(measurement.kind, found);
                 value["id"] = json!(measurement.id);
                 list.push(value);
-                text.push_str(&format!("{name}: {}\n", as_text(measurement.kind, found, file.site.units)));
+                text.push_str(&format!(
+                    "{name}: {}\n",
+                    measured_text(measurement.kind, found, file.site.units)
+                ));
             }
             Err(error) => {
                 failed += 1;
@@ -192,27 +190,4 @@ fn as_json(kind: MeasurementKind, Measured { value, sigma }: Measured) -> Value 
         MeasurementKind::Speed => ["speed_mps", "sigma_mps"],
     };
     json!({ "kind": kind, field: value, sigma_field: sigma })
-}
-
-/// Returns the result in the units of the site, as a sentence for the terminal.
-fn as_text(kind: MeasurementKind, found: Measured, units: Units) -> String {
-    let symbol = units.symbol();
-    let (unit, size) = match kind {
-        MeasurementKind::Length | MeasurementKind::Height => (symbol.to_owned(), units.metres()),
-        MeasurementKind::Area => (format!("{symbol}\u{b2}"), units.metres() * units.metres()),
-        MeasurementKind::Speed => (format!("{symbol}/s"), units.metres()),
-    };
-    let speed = match (kind, units) {
-        (MeasurementKind::Speed, Units::Metres) => format!(" ({:.1} km/h)", 3.6 * found.value),
-        (MeasurementKind::Speed, Units::Feet) => format!(" ({:.1} mph)", found.value / MILE_PER_HOUR),
-        _ => String::new(),
-    };
-    let value = found.value / size;
-    match found.sigma.map(|sigma| sigma / size) {
-        Some(sigma) => {
-            let digits = decimals(sigma);
-            format!("{value:.digits$} {unit} \u{b1} {sigma:.digits$} {unit}{speed}")
-        }
-        None => format!("{value:.2} {unit}, uncertainty unknown{speed}"),
-    }
 }

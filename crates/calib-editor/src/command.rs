@@ -250,7 +250,7 @@ commands! {
         Guide "Show or hide the person at the cursor";
         ColourByResidual "Colour lines by kind or by error";
         Above "Show or hide the top view of the floor" NONE Y;
-        Coverage "Show or hide the coverage on the plan";
+        Coverage "Show or hide the pixel density on the plan";
         Blend "Show the images of all cameras on the plan";
         Magnify "Draw uncertainty ellipses 10 times larger";
         Snap "Snap to 10 cm and 5\u{b0} on the plan";

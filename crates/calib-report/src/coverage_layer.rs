@@ -15,7 +15,7 @@ const OPACITY: f64 = 0.72;
 
 /// Returns the colour of a level. The colours are distinguishable with colour blindness and in print without
 /// colour, because they become darker with the density (viridis, reversed).
-pub(crate) const fn level_colour(level: Option<DensityLevel>) -> Rgb {
+pub const fn level_colour(level: Option<DensityLevel>) -> Rgb {
     match level {
         None => BELOW_LEVELS,
         Some(DensityLevel::Monitor) => Rgb::hex(0xFDE725),
@@ -27,22 +27,22 @@ pub(crate) const fn level_colour(level: Option<DensityLevel>) -> Rgb {
 }
 
 /// Describes a level and its smallest pixel density.
-pub(crate) fn level_text(level: Option<DensityLevel>) -> String {
+pub fn level_text(level: Option<DensityLevel>) -> String {
     match level {
         None => format!("visible, below {} px/m", DensityLevel::Monitor.pixels_per_metre()),
         Some(level) => format!("{}, from {} px/m", level.name(), level.pixels_per_metre()),
     }
 }
 
-/// Levels in the order of the legend.
-pub(crate) fn all_levels() -> impl Iterator<Item = Option<DensityLevel>> {
+/// Returns the levels in the order of the legend; `None` is visible floor below all levels.
+pub fn levels() -> impl Iterator<Item = Option<DensityLevel>> {
     std::iter::once(None).chain(DensityLevel::ALL.into_iter().map(Some))
 }
 
 /// Returns the entries of the legend.
 pub(crate) fn legend(site: &Site) -> Vec<(Sample, String)> {
     let mut rows: Vec<(Sample, String)> =
-        all_levels().map(|level| (Sample::Fill(level_colour(level), OPACITY), level_text(level))).collect();
+        levels().map(|level| (Sample::Fill(level_colour(level), OPACITY), level_text(level))).collect();
     if !site.walls.is_empty() {
         rows.push((Sample::Line(wall_stroke()), "wall".into()));
     }

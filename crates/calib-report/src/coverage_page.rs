@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use calib_core::floor::{DensityLevel, Reach};
 use calib_site::{AreaResult, Site, SiteCamera, SiteCoverage, Units};
 
-use crate::coverage_layer::{all_levels, level_text};
+use crate::coverage_layer::{level_text, levels};
 use crate::frame::{PAGE_END, page_start};
 use crate::svg::escape;
 use crate::words::{decimals, shortened_list};
@@ -166,7 +166,7 @@ impl CoveragePage<'_> {
     /// Returns the visible floor of each level, in square metres.
     fn levels(&self) -> impl Iterator<Item = (Option<DensityLevel>, f64)> {
         let reached = |at: usize| DensityLevel::reached_by(self.coverage.coverage.density[at]);
-        all_levels().map(move |level| (level, self.coverage.visible_area(|at| reached(at) == level)))
+        levels().map(move |level| (level, self.coverage.visible_area(|at| reached(at) == level)))
     }
 
     /// Describes how far a camera reaches each level.

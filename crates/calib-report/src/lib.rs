@@ -29,6 +29,7 @@ mod coverage_page;
 mod page;
 mod watch_page;
 
+pub use coverage_layer::{level_colour, level_text, levels};
 pub use coverage_page::CoveragePage;
 pub use overlay::overlay;
 pub use page::{EmbeddedImage, ImageRequest, ImageSource, coverage_html, page};
@@ -39,6 +40,6 @@ pub use svg::{Anchor, Stroke, Svg};
 pub use walk_page::{WalkPage, disagreement_text, zone_name};
 pub use watch_page::{WatchedCamera, watch_page, watch_text};
 pub use words::{
-    camera_lens, centimetres, decimals, distance, is_lens_estimated, scene_errors_text, shortened_list,
-    straight_down_text,
+    camera_lens, centimetres, decimals, distance, is_lens_estimated, measured_text, scene_errors_text,
+    shortened_list, straight_down_text,
 };

@@ -2,8 +2,9 @@
 
 use std::fmt::Write as _;
 
+use calib_core::floor::Measured;
 use calib_core::{Distortion, Lens, SceneErrors};
-use calib_site::{Method, SiteCamera, Solution, Stage};
+use calib_site::{MeasurementKind, Method, SiteCamera, Solution, Stage, Units};
 
 /// Joins names to a list; a long list is shortened to "a, b, c and 997 more".
 #[must_use]
@@ -95,6 +96,32 @@ pub fn camera_lens(entry: &SiteCamera) -> Lens {
 pub fn is_lens_estimated(entry: &SiteCamera) -> bool {
     let solved = entry.solution.as_ref().is_some_and(|solution| solution.method != Method::Given);
     solved && camera_lens(entry).distortion != Distortion::None && entry.lens().distortion == Distortion::None
+}
+
+/// Describes a measured value in the units of the site, such as "3.42 m ± 0.05 m".
+#[must_use]
+pub fn measured_text(kind: MeasurementKind, found: Measured, units: Units) -> String {
+    /// Speed of one mile per hour, in metres per second.
+    const MILE_PER_HOUR: f64 = 0.44704;
+    let symbol = units.symbol();
+    let (unit, size) = match kind {
+        MeasurementKind::Length | MeasurementKind::Height => (symbol.to_owned(), units.metres()),
+        MeasurementKind::Area => (format!("{symbol}\u{b2}"), units.metres() * units.metres()),
+        MeasurementKind::Speed => (format!("{symbol}/s"), units.metres()),
+    };
+    let speed = match (kind, units) {
+        (MeasurementKind::Speed, Units::Metres) => format!(" ({:.1} km/h)", 3.6 * found.value),
+        (MeasurementKind::Speed, Units::Feet) => format!(" ({:.1} mph)", found.value / MILE_PER_HOUR),
+        _ => String::new(),
+    };
+    let value = found.value / size;
+    match found.sigma.map(|sigma| sigma / size) {
+        Some(sigma) => {
+            let digits = decimals(sigma);
+            format!("{value:.digits$} {unit} \u{b1} {sigma:.digits$} {unit}{speed}")
+        }
+        None => format!("{value:.2} {unit}, uncertainty unknown{speed}"),
+    }
 }
 
 #[cfg(test)]

@@ -1,4 +1,5 @@
-//! Annotating an image: its canvas, the loupe, and the panels of annotations, lens, results, links and marks.
+//! Annotating an image: its canvas, the loupe, and the panels of annotations, lens, results,
+//! links, marks and measurements.
 
 pub(crate) mod image;
 pub(crate) mod loupe;
@@ -9,4 +10,5 @@ pub(crate) mod annotations;
 pub(crate) mod circle;
 pub mod lens;
 pub(crate) mod links;
+pub(crate) mod measurements;
 pub(crate) mod steps;

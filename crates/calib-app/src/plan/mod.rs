@@ -1,6 +1,7 @@
 //! The floor plan: painting it, placing cameras on it, planes, distances, and the agreement of cameras.
 
 pub(crate) mod mesh;
+pub(crate) mod coverage;
 pub mod floor;
 pub(crate) mod drawing_fields;
 pub mod placement;

@@ -12,7 +12,7 @@ pub mod views;
 use calib_editor::{Icon, Part, TOOLS};
 use egui::{CentralPanel, Frame, Margin, Panel, ScrollArea, Ui};
 
-use crate::annotate::{annotations, lens, links, result, steps};
+use crate::annotate::{annotations, lens, links, measurements, result, steps};
 use crate::files::{outside, start};
 use crate::plan::{agreement, distances, ground_points, placement, planes};
 use crate::state::{App, Mode};
@@ -156,6 +156,7 @@ fn right(app: &mut App, ui: &mut Ui) {
                     planes::lies_on_ui(app, ui);
                     annotations::annotations_ui(app, ui);
                 });
+                measured(app, ui);
             }
             Mode::Plan => {
                 section(ui, |ui| {
@@ -177,9 +178,17 @@ fn right(app: &mut App, ui: &mut Ui) {
                     planes::lies_on_ui(app, ui);
                 });
                 section(ui, |ui| distances::distances_ui(app, ui));
+                measured(app, ui);
                 section(ui, |ui| distances::agreement(app, ui));
                 section(ui, |ui| warnings::site(app, ui));
             }
         }
     });
+}
+
+/// Shows the measurements, if the site has any.
+fn measured(app: &mut App, ui: &mut Ui) {
+    if !app.editor.site().measurements.is_empty() {
+        section(ui, |ui| measurements::measurements_ui(app, ui));
+    }
 }

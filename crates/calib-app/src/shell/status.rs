@@ -157,7 +157,10 @@ fn pointer_position(app: &App, ui: &mut Ui) {
                 })
                 .map(|i| app.editor.session().site.cameras[i].id.as_str());
             let seen: Vec<&str> = seen.collect();
-            if !seen.is_empty() {
+            if let Some(text) = app.coverage.at(at).filter(|_| app.view.coverage) {
+                ui.label(RichText::new(text).color(palette.text2));
+                ui.add_space(12.0);
+            } else if !seen.is_empty() {
                 ui.label(RichText::new(format!("seen by {}", seen.join(", "))).color(palette.text2));
                 ui.add_space(12.0);
             }
@@ -194,6 +197,13 @@ fn floor(app: &App, ui: &mut Ui, (camera, pose): (usize, &calib_core::Camera), a
     if let Some(sigma) = sigma {
         let text = format!("\u{b1} {}", number(sigma / unit, shown));
         ui.label(RichText::new(text).color(palette.text2));
+    }
+    if app.view.coverage
+        && is_scaled
+        && let Some(density) = pose.pixel_density(point)
+    {
+        ui.label(RichText::new(format!("{density:.0} px/m")).color(palette.text2));
+        ui.add_space(12.0);
     }
     let strong = |text: String| RichText::new(text).font(theme::medium(12.0)).color(palette.text);
     let [x, y] = <[f64; 2]>::from(point.on_floor()).map(|value| number(value / unit, shown));

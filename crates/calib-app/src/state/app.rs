@@ -49,7 +49,7 @@ pub struct ViewState {
     pub beside_scene: bool,
     /// Whether the images of all cameras are projected onto the plan.
     pub blend: bool,
-    /// Whether fields of view are filled on the plan.
+    /// Whether the plan shows the measured coverage.
     pub coverage: bool,
     /// Whether uncertainty ellipses are magnified.
     pub magnified: bool,
@@ -172,6 +172,10 @@ pub struct App {
     pub tour: Tour,
     /// Ids of the links or marks between which the next distance is measured.
     pub pair: [String; 2],
+    /// Values of the measurements.
+    pub(crate) measurements: crate::annotate::measurements::ShownMeasurements,
+    /// Coverage that the plan shows.
+    pub coverage: crate::plan::coverage::ShownCoverage,
     /// Text of the field for the coordinates of a new ground point.
     pub typed_point: String,
     /// Clock in seconds since 1970, for the age of calibrations.
@@ -198,7 +202,7 @@ impl Default for ViewState {
             beside_plan: true,
             beside_scene: false,
             blend: false,
-            coverage: true,
+            coverage: false,
             magnified: false,
             above: true,
             show_before: true,
@@ -223,6 +227,8 @@ impl App {
             edges: Edges::default(),
             tour: Tour::default(),
             pair: Default::default(),
+            measurements: crate::annotate::measurements::ShownMeasurements::default(),
+            coverage: crate::plan::coverage::ShownCoverage::default(),
             typed_point: String::new(),
             clock: || SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()),
             view: ViewState::default(),

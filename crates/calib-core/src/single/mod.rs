@@ -80,7 +80,7 @@ pub use point_fit::{PointFit, PointFitOptions};
 pub(crate) use prediction::predictable;
 pub use prediction::{StoredCamera, residuals_at, residuals_of_stored};
 pub use scene_errors::{Deviation, SceneErrors};
-pub use slope::{STEEP_GRADE, slope_finding};
+pub use slope::{MIN_SLOPE_EFFECT_REL, STEEP_GRADE, slope_finding};
 pub use straightness::{Edge, edges, outermost, straightness, straightness_rms};
 pub(crate) use straightness::{edge_redundancy, repeat_counts, straightness_with_jacobian};
 

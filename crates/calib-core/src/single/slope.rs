@@ -11,15 +11,15 @@ use crate::single::fit::{Fit, FitOptions};
 /// Slope of steep ground: rise divided by distance. Design guides allow 6 % on main roads and ramps of yards.
 pub const STEEP_GRADE: f64 = 0.06;
 
+/// Smallest error of floor lengths by the slope alone that is reported.
+pub const MIN_SLOPE_EFFECT_REL: f64 = 0.05;
+
 /// Returns a finding if floor lengths depend on the slope of the ground. `sloping` are the constraints of the
 /// fit on a floor that may slope by [`STEEP_GRADE`].
 #[must_use]
 pub fn slope_finding(fit: &Fit, sloping: &Constraints, options: &FitOptions) -> Option<Finding> {
-    /// Smallest error of floor lengths by the slope alone that is reported: one and a half times the usual
-    /// limit of a quality gate.
-    const MIN_EFFECT_REL: f64 = 0.045;
     let usual = fit.floor_length_rel?;
     let sloping = Fit::new(sloping, options).ok()?.floor_length_rel?;
     let effect = (sloping * sloping - usual * usual).max(0.0).sqrt();
-    (effect > MIN_EFFECT_REL).then_some(Finding::UnknownSlope { usual, sloping })
+    (effect > MIN_SLOPE_EFFECT_REL).then_some(Finding::UnknownSlope { usual, sloping })
 }

@@ -132,7 +132,7 @@ impl Editor {
         self.session.note = note;
         self.session.commit("load a plan");
         if !is_scaled {
-            self.select_tool(tool_index("Measure plan"));
+            self.select_tool(tool_index("Measure"));
         }
     }
 

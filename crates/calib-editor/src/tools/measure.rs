@@ -1,24 +1,77 @@
-//! Tools on the plan. The scale of the plan follows from two clicks and their distance, which is entered in
-//! the panel.
+//! Tool that measures: a length on the floor, or a height above it, in the images. On the plan, the scale
+//! follows from two clicks and their distance, which is entered in the panel.
 //!
 //! Also the tool that draws the region of a plane other than the floor, corner by corner.
 
-use calib_core::FloorPoint;
+use calib_core::{FloorPoint, Pixel};
+use calib_site::{Measurement, MeasurementKind, MeasurementPoint};
 
 use crate::planes::{add_plane, set_region};
 use crate::session::Session;
 use crate::tools::{Pane, Phase, Pointer, Tool, plan_scale};
 
-/// Tool that selects two points of the plan, whose distance the operator enters.
+/// Tool that measures between two points of the images, or selects two points of the plan, whose distance the
+/// operator enters.
 #[derive(Debug, Default)]
 pub(super) struct Measure {
     from: Option<[f64; 2]>,
     to: Option<[f64; 2]>,
+    ruler: Option<RulerGesture>,
+}
+
+/// Measurement in progress in the images.
+#[derive(Clone, Copy, Debug)]
+struct RulerGesture {
+    /// Camera and pixel of the first point.
+    from: (usize, Pixel),
+    /// Camera and pixel under the pointer.
+    to: (usize, Pixel),
+    /// Whether the first button press has ended without a drag, so that the next click sets the second point.
+    is_clicked: bool,
+}
+
+impl Measure {
+    /// Processes an event in an image. The two points may be in different images.
+    fn measure(&mut self, session: &mut Session, (camera, at): (usize, Pixel), pointer: &Pointer) {
+        /// Smallest distance of the two points in one image, in raw pixels.
+        const MIN_DISTANCE_PX: f64 = 2.0;
+        let Some(mut ruler) = self.ruler else {
+            if pointer.phase == Phase::Press {
+                session.select_camera(camera);
+                self.ruler = Some(RulerGesture { from: (camera, at), to: (camera, at), is_clicked: false });
+            }
+            return;
+        };
+        ruler.to = (camera, at);
+        self.ruler = Some(ruler);
+        if pointer.phase != Phase::Release {
+            return;
+        }
+        if !ruler.is_clicked && !pointer.moved {
+            self.ruler = Some(RulerGesture { is_clicked: true, ..ruler });
+            return;
+        }
+        self.ruler = None;
+        let (first, start) = ruler.from;
+        if first == camera && start.distance(at) < MIN_DISTANCE_PX {
+            return;
+        }
+        let is_height = pointer.modifiers.shift && first == camera;
+        let kind = if is_height { MeasurementKind::Height } else { MeasurementKind::Length };
+        let point = |(camera, px): (usize, Pixel)| {
+            Some(MeasurementPoint::new(session.site.cameras.get(camera)?.id.clone(), px))
+        };
+        let (Some(a), Some(b)) = (point(ruler.from), point(ruler.to)) else { return };
+        let points = vec![a, b];
+        session.site.measurements.push(Measurement { id: None, name: None, kind, points });
+        session.commit(format!("measure a {}", kind.name()));
+    }
 }
 
 impl Tool for Measure {
     fn pointer(&mut self, session: &mut Session, pointer: &Pointer) {
-        if pointer.pane != Pane::Plan {
+        if let Some(pixel) = pointer.pixel() {
+            self.measure(session, pixel, pointer);
             return;
         }
         match (self.from, pointer.phase) {
@@ -43,24 +96,36 @@ impl Tool for Measure {
     }
 
     fn is_idle(&self) -> bool {
-        self.from.is_none()
+        self.from.is_none() && self.ruler.is_none()
     }
 
     fn hint(&self, session: &Session) -> String {
         match (self.from, session.tool.measured) {
+            _ if self.ruler.is_some() => {
+                "Click the other end on the floor, also in another image.  Shift: height above the first point"
+                    .into()
+            }
             (Some(_), _) => "Click the other end of the known length.".into(),
             (None, Some(_)) => "Enter the length on the right, or measure again.".into(),
-            (None, None) => "Click two points of the plan whose distance you know.".into(),
+            (None, None) => "Click two floor points in the images to measure, or two points of the plan whose \
+                             distance you know."
+                .into(),
         }
     }
 
     fn dragged_point(&self) -> Option<(Pane, [f64; 2])> {
-        self.to.map(|to| (Pane::Plan, to))
+        let in_image = self.ruler.map(|ruler| (Pane::Image(ruler.to.0), ruler.to.1.into()));
+        in_image.or_else(|| self.to.map(|to| (Pane::Plan, to)))
     }
 
     fn preview_lines(&self, pane: Pane) -> Vec<Vec<[f64; 2]>> {
-        match (pane, self.from, self.to) {
-            (Pane::Plan, Some(from), Some(to)) => vec![vec![from, to]],
+        match (pane, self.from, self.to, self.ruler) {
+            (Pane::Plan, Some(from), Some(to), _) => vec![vec![from, to]],
+            (Pane::Image(camera), _, _, Some(RulerGesture { from, to, .. }))
+                if from.0 == camera && to.0 == camera =>
+            {
+                vec![vec![from.1.into(), to.1.into()]]
+            }
             _ => Vec::new(),
         }
     }

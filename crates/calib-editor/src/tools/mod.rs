@@ -252,7 +252,7 @@ pub const TOOLS: &[ToolRow] = &[
         make: || Box::new(mark::Marking::default()),
     },
     ToolRow {
-        title: "Measure plan",
+        title: "Measure",
         key: Key::A,
         icon: Icon::Measure,
         kind: None,

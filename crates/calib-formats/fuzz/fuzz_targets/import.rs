@@ -1,5 +1,5 @@
 //! Fuzz target that reads bytes as files of the format named by `CALIB_FORMAT`, and writes the resulting
-//! site. It must not panic, and the site must be valid.
+//! site. `colmap-binary` is the binary variant of `colmap`. It must not panic, and the site must be valid.
 
 #![no_main]
 
@@ -26,6 +26,7 @@ const FORMATS: &[(&str, Names)] = &[
     ("opencv", Names::OneOf(&["a.json", "a.yml", "a.xml"])),
     ("ros", Names::OneOf(&["a.yaml"])),
     ("colmap", Names::AllOf(&["cameras.txt", "images.txt"])),
+    ("colmap-binary", Names::AllOf(&["cameras.bin", "images.bin"])),
     ("nvidia", Names::OneOf(&["calibration.json", "camInfo/a.yml", "transforms.yml"])),
     ("wildtrack", Names::AllOf(&["intrinsic_zero/intr_a.xml", "extrinsic/extr_a.xml"])),
     ("nerfstudio", Names::OneOf(&["transforms.json"])),
@@ -60,7 +61,8 @@ fuzz_target!(init: setrlimit(Resource::AS, MEMORY, MEMORY).expect("the memory li
             vec![file(names[usize::from(first) % names.len()], rest)]
         }
     };
-    let format = calib_formats::format(name).expect("the format is missing in the registry");
+    let format =
+        calib_formats::format(name.trim_end_matches("-binary")).expect("the format is missing in the registry");
     let Ok(imported) = import(format, &files) else { return };
     // Points in a grid are valid only in a site with a grid.
     if imported.site.ground_points.iter().any(|point| point.crs_m.is_some()) {

@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
 /// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
-const REST: [&str; 90] = [
+const REST: [&str; 92] = [
     // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
@@ -47,7 +47,9 @@ const REST: [&str; 90] = [
     "calib_app::export",
     "calib_app::annotate::annotations::usual_size_menu",
     "calib_app::annotate::links",
+    "calib_app::annotate::measurements",
     "calib_app::annotate::result::scale_menu",
+    "calib_app::plan::coverage",
     "calib_app::plan::drawing_fields",
     "calib_app::plan::agreement",
     "calib_app::plan::distances::controls",

@@ -1,0 +1,160 @@
+//! Measurements in the images: lines with their values, and the panel that lists them.
+
+use calib_core::floor::Measured;
+use calib_core::{Camera, Kind, Pixel};
+use calib_editor::edit::add_line;
+use calib_editor::{Action, Session};
+use calib_report::measured_text;
+use calib_site::{Measurement, MeasurementKind, Units};
+use egui::{Align2, Painter, RichText, Ui, Vec2};
+
+use crate::icons::{self, Icon, Look};
+use crate::overlay::Overlay;
+use crate::paint::{Pen, handle, line, tag};
+use crate::state::App;
+use crate::theme::{self, on_image};
+use crate::widgets::heading;
+
+/// Values of the measurements, kept until a camera or a measurement changes.
+#[derive(Debug, Default)]
+pub(crate) struct ShownMeasurements {
+    inputs: Option<(Vec<Option<Camera>>, Vec<Measurement>)>,
+    values: Vec<Result<Measured, String>>,
+}
+
+impl ShownMeasurements {
+    /// Computes the values again if their inputs have changed.
+    fn update(&mut self, session: &Session) {
+        let measurements = &session.site.measurements;
+        let poses: Vec<Option<Camera>> =
+            (0..session.site.cameras.len()).map(|index| session.solved.pose(index).copied()).collect();
+        let is_current = self
+            .inputs
+            .as_ref()
+            .is_some_and(|(of_poses, of_measurements)| *of_poses == poses && of_measurements == measurements);
+        if is_current {
+            return;
+        }
+        let solved = session.solved.write_into(&session.site);
+        let value =
+            |measurement: &Measurement| solved.measure(measurement).map_err(|error| error.to_string());
+        self.values = measurements.iter().map(value).collect();
+        self.inputs = Some((poses, measurements.clone()));
+    }
+
+    /// Returns the value of a measurement as text.
+    fn text(&self, index: usize, measurement: &Measurement, units: Units) -> String {
+        match self.values.get(index) {
+            Some(Ok(found)) => measured_text(measurement.kind, *found, units),
+            Some(Err(why)) => why.clone(),
+            None => String::new(),
+        }
+    }
+}
+
+/// Computes the values of the measurements again if their inputs have changed.
+pub(crate) fn update_measurements(app: &mut App) {
+    let mut shown = std::mem::take(&mut app.measurements);
+    shown.update(app.editor.session());
+    app.measurements = shown;
+}
+
+/// Paints the measurements on the image of a camera, each with its value.
+pub(crate) fn paint_on_image(app: &App, camera: usize, overlay: &Overlay, painter: &Painter) {
+    let session = app.editor.session();
+    let Some(entry) = session.site.cameras.get(camera) else { return };
+    let units = session.site.units;
+    for (index, measurement) in session.site.measurements.iter().enumerate() {
+        let own: Vec<Pixel> = measurement
+            .points
+            .iter()
+            .filter(|point| point.camera == entry.id)
+            .map(|point| point.px)
+            .collect();
+        let Some(&last) = own.last() else { continue };
+        let is_area = measurement.kind == MeasurementKind::Area && own.len() > 2;
+        let closed: Vec<Pixel> = own.iter().chain(own.first().filter(|_| is_area)).copied().collect();
+        line(painter, &overlay.curve(&closed), Pen::new(on_image::WAITING, 2.0));
+        for at in overlay.path(&own) {
+            handle(painter, at, on_image::WAITING);
+        }
+        let text = app.measurements.text(index, measurement, units);
+        let at = overlay.path(&[last]).first().copied().unwrap_or_default();
+        tag(painter, at + Vec2::new(8.0, 8.0), Align2::LEFT_TOP, &text, on_image::WHITE);
+    }
+}
+
+/// Shows the list of measurements, if there are any.
+pub(crate) fn measurements_ui(app: &mut App, ui: &mut Ui) {
+    update_measurements(app);
+    heading(ui, "Measurements", "they do not change the calibration");
+    let measurements = app.editor.site().measurements.clone();
+    for (index, measurement) in measurements.iter().enumerate() {
+        row(app, ui, index, measurement);
+    }
+}
+
+/// Returns the name of a measurement, such as "length 2".
+fn name_of(index: usize, measurement: &Measurement) -> String {
+    let name = measurement.name.clone().or_else(|| measurement.id.clone());
+    name.unwrap_or_else(|| format!("{} {}", measurement.kind.name(), index + 1))
+}
+
+/// Shows a measurement with its value, and buttons to copy, to use and to remove it.
+fn row(app: &mut App, ui: &mut Ui, index: usize, measurement: &Measurement) {
+    let palette = theme::palette(ui.ctx());
+    let name = name_of(index, measurement);
+    let units = app.editor.site().units;
+    let text = app.measurements.text(index, measurement, units);
+    let is_valid = matches!(app.measurements.values.get(index), Some(Ok(_)));
+    let mut action = None;
+    ui.horizontal(|ui| {
+        ui.label(RichText::new(&name).font(theme::medium(12.0)).color(palette.text));
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            let look = Look { size: Vec2::splat(18.0), ..Look::default() };
+            if icons::button(ui, Icon::Close, &format!("Remove {name}"), "", look).clicked() {
+                action = Some(removed(app, index, &name));
+            }
+            if measurement.kind == MeasurementKind::Length
+                && let Some(known) = as_known_length(app, measurement)
+                && icons::button(ui, Icon::Known, &format!("Use {name} as a known length"), "", look)
+                    .clicked()
+            {
+                action = Some(known);
+            }
+        });
+    });
+    let colour = if is_valid { palette.text } else { palette.warn };
+    let value = ui.selectable_label(false, RichText::new(&text).color(colour));
+    if value
+        .on_hover_text("Click to copy. The ± is one standard deviation: of the clicks and of the calibration")
+        .clicked()
+    {
+        ui.ctx().copy_text(text);
+        action = Some(Action::Note(format!("{name} is copied.")));
+    }
+    if let Some(action) = action {
+        app.send(action);
+    }
+}
+
+/// Returns the action that removes a measurement.
+fn removed(app: &App, index: usize, name: &str) -> Action {
+    let mut site = app.editor.site().clone();
+    site.measurements.remove(index);
+    Action::Change { site: Box::new(site), name: format!("remove {name}") }
+}
+
+/// Returns the action that turns a length in one image into an annotation of known length, whose length the
+/// operator enters; `None` for other lengths.
+fn as_known_length(app: &App, measurement: &Measurement) -> Option<Action> {
+    let id = &measurement.points.first()?.camera;
+    let camera = app.editor.site().cameras.iter().position(|camera| camera.id == *id)?;
+    let [a, b] = &measurement.points[..] else { return None };
+    if a.camera != b.camera || a.height_m.or(b.height_m).is_some() {
+        return None;
+    }
+    let mut site = app.editor.site().clone();
+    add_line(&mut site.cameras[camera], Kind::KnownLength, vec![a.px, b.px], true);
+    Some(Action::Change { site: Box::new(site), name: "add a known length".into() })
+}
