@@ -365,7 +365,7 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
         mapping,
         opacity: app.opacity(ui.ctx()),
         blend: app.view.blend,
-        fills: !app.view.coverage,
+        fills_fields: !app.view.coverage,
         ellipses: app.ellipse_size(),
         before: &before,
     };
@@ -386,8 +386,9 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     floor.paint_scale(&painter);
     paint_north(app.editor.session(), &floor.mapping, &painter);
     handles::on_plan(app, ui, &mapping);
-    if app.view.coverage && place == Place::Main {
-        legend_ui(app, ui, rect);
+    if place == Place::Main {
+        let legend = if app.view.coverage { legend_ui(app, ui, rect) } else { None };
+        app.view.panes.legend = legend.map(|rect| (key, rect));
     }
     self::cursor(app, ui, Pane::Plan, &mapping);
 }

@@ -259,7 +259,8 @@ const _: () = assert!(
 /// `*model` is a static string, or null without distortion. Coefficients are in the order of the model,
 /// followed by zeros. "brown-conrady" has k1, k2, k3, p1, p2 (OpenCV's order is k1, k2, p1, p2, k3),
 /// "division" lambda, "kannala-brandt" k1 to k4, "unified" xi, k1, k2, p1, p2, "double-sphere" xi and alpha,
-/// "eucm" alpha and beta, and "rational" k1 to k6, p1, p2, s1 to s4. Returns `CALIB_RESULT_REFUSED` for a stretched stream.
+/// "eucm" alpha and beta, and "rational" k1 to k6, p1, p2, s1 to s4. Returns `CALIB_RESULT_REFUSED` for a
+/// stretched stream.
 ///
 /// # Safety
 /// `camera` is a handle that is not freed during the call. `*model`, `CALIB_COEFFICIENTS` values of

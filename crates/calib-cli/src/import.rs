@@ -141,10 +141,10 @@ pub(crate) struct Args {
     /// Projected grid of imported points with east and north
     #[arg(long, value_name = "EPSG:CODE", value_parser = grid_name)]
     crs: Option<String>,
-    /// Size of the images, if the files do not state it or state a wrong one
+    /// Size of the images, if it is missing in the files or wrong
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[u32; 2]>,
-    /// Unit of the poses, if it is not the usual one of the format: mm, cm, m, in or ft
+    /// Unit of the poses, if it differs from the format's unit: mm, cm, m, in or ft
     #[arg(long, value_name = "UNIT", value_parser = unit)]
     unit: Option<f64>,
     /// Mirror the y axis, because the world of the files is left-handed
@@ -236,7 +236,10 @@ fn collect_files(
             continue;
         }
         let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-        if !format.extensions.contains(&extension.as_str()) {
+        // A binary file that no other file refers to may be huge, such as the points of COLMAP.
+        let is_extra = extension == "bin"
+            && path.file_name().is_none_or(|name| !format.companions.iter().any(|other| name == *other));
+        if !format.extensions.contains(&extension.as_str()) || is_extra {
             continue;
         }
         found.push(read(&path, name)?);

@@ -94,11 +94,11 @@ impl Line<'_> {
     }
 }
 
-fn lines<'a>(files: &'a [File], base: &str) -> Result<(&'a File, Vec<Line<'a>>), FormatError> {
+fn lines<'a>(files: &'a [File], stem: &str) -> Result<(&'a File, Vec<Line<'a>>), FormatError> {
     let file = files
         .iter()
-        .find(|file| file.base() == base)
-        .ok_or_else(|| FormatError::new(base, Problem::NotColmap))?;
+        .find(|file| file.stem() == stem)
+        .ok_or_else(|| FormatError::new(format!("{stem}.txt"), Problem::NotColmap))?;
     let lines = file.as_text()?.lines().enumerate().map(|(i, text)| Line {
         file,
         number: i + 1,
@@ -117,12 +117,12 @@ pub(crate) fn read(input: &Input) -> Result<Imported, FormatError> {
         files.push(colmap_binary::as_text(file)?.unwrap_or_else(|| file.clone()));
     }
     let files = &files[..];
-    let (_, camera_lines) = lines(files, "cameras.txt")?;
+    let (_, camera_lines) = lines(files, "cameras")?;
     let (mut cameras, mut notes) = (HashMap::new(), Vec::new());
     for line in camera_lines.iter().filter(|line| !line.words.is_empty()) {
         cameras.insert(line.words[0], lens(line, &mut notes)?);
     }
-    if !files.iter().any(|file| file.base() == "images.txt") {
+    if !files.iter().any(|file| file.stem() == "images") {
         let lens = |(id, camera): (&str, ImportedCamera)| ImportedCamera { id: id.to_owned(), ..camera };
         let mut lenses: Vec<ImportedCamera> = cameras.into_iter().map(lens).collect();
         lenses.sort_by(|a, b| a.id.cmp(&b.id));
@@ -131,7 +131,7 @@ pub(crate) fn read(input: &Input) -> Result<Imported, FormatError> {
         imported.notes.extend(notes);
         return Ok(imported);
     }
-    let (file, image_lines) = lines(files, "images.txt")?;
+    let (file, image_lines) = lines(files, "images")?;
     let mut given: Vec<ImportedCamera> = Vec::new();
     let (mut left, mut with_points) = (image_lines.iter(), 0);
     while let Some(line) = left.next() {

@@ -79,15 +79,14 @@ impl<'a> Bytes<'a> {
     }
 }
 
-/// Returns the text of the file `cameras.txt` or `images.txt` that a binary file corresponds to. Returns
-/// `None` for other files.
+/// Returns a binary file with its content as in `cameras.txt` or `images.txt`. Returns `None` for other files.
 pub(crate) fn as_text(file: &File) -> Result<Option<File>, FormatError> {
-    let (name, text) = match file.base() {
-        "cameras.bin" => ("cameras.txt", cameras(&mut Bytes::new(file))?),
-        "images.bin" => ("images.txt", images(&mut Bytes::new(file))?),
+    let text = match file.base() {
+        "cameras.bin" => cameras(&mut Bytes::new(file))?,
+        "images.bin" => images(&mut Bytes::new(file))?,
         _ => return Ok(None),
     };
-    Ok(Some(File { name: name.into(), bytes: text.into_bytes() }))
+    Ok(Some(File { name: file.name.clone(), bytes: text.into_bytes() }))
 }
 
 fn cameras(bytes: &mut Bytes) -> Result<String, FormatError> {
@@ -117,4 +116,53 @@ fn images(bytes: &mut Bytes) -> Result<String, FormatError> {
         let _ = writeln!(text, "{id} {} {camera} {name}\n{mark}", joined(&pose, " "));
     }
     Ok(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{format, import};
+
+    fn files() -> [File; 2] {
+        let whole = |values: &[u64]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
+        let numbers =
+            |values: &[f64]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
+        let ids = |values: &[u32]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
+        // Model 1 is PINHOLE.
+        let lens = numbers(&[900.0, 900.0, 640.0, 360.0]);
+        let cameras = [whole(&[1]), ids(&[7, 1]), whole(&[1280, 720]), lens].concat();
+        let pose = numbers(&[1.0, 0.0, 0.0, 0.0, 0.5, 1.0, 2.0]);
+        let point = vec![0; POINT_BYTES];
+        let images =
+            [whole(&[1]), ids(&[3]), pose, ids(&[7]), b"a.png\0".to_vec(), whole(&[1]), point].concat();
+        [("cameras.bin", cameras), ("images.bin", images)]
+            .map(|(name, bytes)| File { name: name.into(), bytes })
+    }
+
+    #[test]
+    fn binary_model_is_read() {
+        let imported = import(format("colmap").unwrap(), &files()).unwrap();
+        let camera = &imported.site.cameras[0];
+        assert_eq!((camera.id.as_str(), camera.size_px), ("a", [1280, 720]));
+        let position = camera.solution.as_ref().unwrap().position_m.unwrap();
+        assert_eq!([position.x, position.y, position.z], [-0.5, -1.0, -2.0]);
+        assert!(imported.notes.iter().any(|note| note.contains("images.bin")), "{:?}", imported.notes);
+    }
+
+    #[test]
+    fn incomplete_files_and_unknown_models_are_refused() {
+        let [cameras, images] = files();
+        for length in 0..cameras.bytes.len() {
+            let short = File { bytes: cameras.bytes[..length].to_vec(), ..cameras.clone() };
+            assert!(import(format("colmap").unwrap(), &[short, images.clone()]).is_err(), "{length}");
+        }
+        for length in 0..images.bytes.len() {
+            let short = File { bytes: images.bytes[..length].to_vec(), ..images.clone() };
+            assert!(import(format("colmap").unwrap(), &[cameras.clone(), short]).is_err(), "{length}");
+        }
+        let mut unknown = cameras;
+        unknown.bytes[12] = 77;
+        let error = import(format("colmap").unwrap(), &[unknown, images]).unwrap_err().to_string();
+        assert!(error.contains("cameras.bin") && error.contains("77"), "{error}");
+    }
 }

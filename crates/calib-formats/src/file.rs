@@ -100,6 +100,8 @@ pub enum Problem {
     NoCamera,
     /// A unit or a left-handed world is stated for a format without poses.
     NoPoses,
+    /// An image size is stated for files without cameras.
+    NoCameras,
     /// The fSpy project contains no camera.
     NoCameraInProject,
     /// A field of view is given without an image size.
@@ -171,7 +173,7 @@ impl fmt::Display for Problem {
             Self::TwoResolutions { stated: [w, h], suggested: [x, y] } => write!(
                 f,
                 "found an image of {w} x {h} pixels and a camera matrix of an image of about {x:.0} x {y:.0}, \
-                 expected one resolution; correct the size (--size), or scale the matrix"
+                 expected one resolution; correct the size (calib import --size), or scale the matrix"
             ),
             Self::Unpaired { pixels, points } => {
                 write!(
@@ -198,20 +200,23 @@ impl Problem {
             }
             Self::AngleWithoutSize => {
                 "found camera_angle_x, but no w and h; the field of view alone does not determine pixels, so add \
-                 the image size (--size)"
+                 the image size (calib import --size)"
             }
             Self::Empty => "found an empty file",
             Self::DeepElements => "found elements nested too deeply",
             Self::NotFspy { is_short: true } => "found fewer than 16 bytes, expected an fSpy project",
             Self::NotFspy { .. } => "found no \"fspy\" at the beginning, expected an fSpy project",
             Self::CutOff => "is incomplete: the file ends early",
-            Self::NoSize => "found no image size, and no principal point to derive it from; add --size",
+            Self::NoSize => {
+                "found no image size, and no principal point to derive it from; add the size (calib import --size)"
+            }
             Self::NoRotation => "found a quaternion of length 0",
             Self::InvalidRotation => "found a rotation whose rows are not right-handed unit vectors",
             Self::InvalidIntrinsics => "found a matrix that is not [fx 0 cx; 0 fy cy; 0 0 1]",
             Self::InvalidProjection => "found a matrix that is not a camera projection",
             Self::NoCamera => "found no camera",
             Self::NoPoses => "has no poses to import, so a unit and a left-handed world do not apply",
+            Self::NoCameras => "contains no cameras, so an image size does not apply",
             Self::ReadOnly => "can be imported but not exported",
             Self::WriteOnly => "can be exported but not imported",
             Self::NothingToExport => "has no calibrated camera; solve it first",

@@ -18,13 +18,21 @@ const HEADER_BYTES: usize = 16;
 pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
     let mut rest = Vec::new();
     let given: Result<Vec<ImportedCamera>, FormatError> =
-        files.iter().map(|file| camera(file, &mut rest)).collect();
+        files.iter().map(|file| camera(file, files.size(), &mut rest)).collect();
     let mut imported = site_with_notes(given?, rest, files, &files[0].name)?;
-    imported.notes.push("fSpy's units and axes are kept; place the camera to convert them to metres".into());
+    if files.unit_m().is_none() {
+        imported
+            .notes
+            .push("fSpy's units and axes are kept; place the camera to convert them to metres".into());
+    }
     Ok(imported)
 }
 
-fn camera(file: &File, rest: &mut Vec<String>) -> Result<ImportedCamera, FormatError> {
+fn camera(
+    file: &File,
+    stated: Option<[u32; 2]>,
+    rest: &mut Vec<String>,
+) -> Result<ImportedCamera, FormatError> {
     let is_json = file.bytes.trim_ascii_start().starts_with(b"{");
     let state = if is_json { file.clone() } else { state(file)? };
     let tree = Syntax::Json.parse(&state)?;
@@ -34,8 +42,9 @@ fn camera(file: &File, rest: &mut Vec<String>) -> Result<ImportedCamera, FormatE
         None => return Err(FormatError::new(&file.name, Problem::NoCameraInProject)),
         Some(camera) => camera,
     };
-    let [width, height] =
-        [camera.require(&["imageWidth"])?.side()?, camera.require(&["imageHeight"])?.side()?];
+    let in_file = [camera.require(&["imageWidth"])?.side()?, camera.require(&["imageHeight"])?.side()?];
+    // The other numbers are relative to the size.
+    let [width, height] = stated.unwrap_or(in_file);
     let [w, h] = [width, height].map(f64::from);
     let field = camera.require(&["horizontalFieldOfView"])?;
     let angle = field.number()?;

@@ -102,7 +102,7 @@ impl ImportedCamera {
         let [w, h] = size.map(|side| side as u32);
         let id = quoted(&self.id);
         notes.push(format!(
-            "camera {id}: the file has no image size; {w} x {h} is assumed from the principal point; --size replaces it"
+            "camera {id}: the file has no image size; {w} x {h} is assumed from the principal point (another one: calib import --size)"
         ));
         Ok([w, h])
     }

@@ -1,4 +1,4 @@
-//! Files of an import, with the statements of the caller about them.
+//! Files of an import, with the options of the caller.
 
 use std::ops::Deref;
 

@@ -142,5 +142,9 @@ pub fn import_with(
     if files.is_empty() {
         return Err(FormatError::new(format.name, Problem::NoFiles(format.extensions)));
     }
-    read(&Input::new(format.name, format.unit_m, files, options)?)
+    let imported = read(&Input::new(format.name, format.unit_m, files, options)?)?;
+    if options.size.is_some() && imported.site.cameras.is_empty() {
+        return Err(FormatError::new(format.name, Problem::NoCameras));
+    }
+    Ok(imported)
 }

@@ -120,7 +120,7 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
         rest.extend(root.unread_keys());
     }
     let mut imported = site_with_notes(given, rest, files, &files[0].name)?;
-    if imported.site.cameras.iter().any(|camera| camera.solution.is_some()) {
+    if files.unit_m().is_none() && imported.site.cameras.iter().any(|camera| camera.solution.is_some()) {
         imported.notes.push(
             "poses are read as metres with z up; rvec and tvec of a chessboard refer to the board instead"
                 .into(),

@@ -31,28 +31,29 @@ struct MappedPoints {
 }
 
 impl MappedPoints {
-    /// Reports the worst point if it is far from its coordinates on the map. The others then determine the
-    /// georeference without it.
+    /// Reports a point that is far from its coordinates on the map, according to at least two others. It is the
+    /// point without which the others agree best.
     fn far_from_map(&self) -> Option<Finding> {
         /// Largest distance of a correct point, in standard deviations of a coordinate.
         const MAX_SIGMAS: f64 = 5.0;
-        let fit = |pairs: &[GeographicPair]| GeoreferenceFit::new(pairs);
-        let distances = fit(&self.pairs)?.distances(&self.pairs);
-        let scaled = distances.iter().zip(&self.sigmas).map(|(distance, sigma)| distance / sigma);
-        let (worst, _) = scaled.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
-        // The distance from the place that the other points determine, if they do.
-        let others: Vec<GeographicPair> = self
-            .pairs
-            .iter()
-            .enumerate()
-            .filter(|(index, _)| *index != worst)
-            .map(|(_, pair)| *pair)
-            .collect();
-        let by_others = fit(&others).map(|fit| fit.distances(&self.pairs)[worst]);
-        let is_far = distances[worst] > MAX_SIGMAS * self.sigmas[worst];
+        let worst_of = |fit: &GeoreferenceFit, skipped: Option<usize>| {
+            let scaled = fit.distances(&self.pairs).into_iter().zip(&self.sigmas).enumerate();
+            let used = scaled.filter(|(index, _)| Some(*index) != skipped);
+            used.map(|(_, (distance, sigma))| distance / sigma).fold(0.0, f64::max)
+        };
+        if self.pairs.len() < 3 || worst_of(&GeoreferenceFit::new(&self.pairs)?, None) < MAX_SIGMAS {
+            return None;
+        }
+        let without = |skipped: usize| {
+            let mut others = self.pairs.clone();
+            others.remove(skipped);
+            let fit = GeoreferenceFit::new(&others)?;
+            Some((worst_of(&fit, Some(skipped)), skipped, fit.distances(&self.pairs)[skipped]))
+        };
+        let (_, worst, distance) =
+            (0..self.pairs.len()).filter_map(without).min_by(|a, b| a.0.total_cmp(&b.0))?;
         let [camera, point] = self.indices[worst];
-        let distance = by_others.unwrap_or(distances[worst]);
-        is_far.then_some(Finding::FarFromMap { camera, point, distance })
+        Some(Finding::FarFromMap { camera, point, distance })
     }
 }
 
@@ -124,7 +125,7 @@ impl Site {
     /// if there are no such points.
     ///
     /// The errors of the annotations and of the joint calibration are included. The error of a placement by hand
-    /// is not: the georeference is that of the plan as drawn.
+    /// is not: the georeference refers to the plan as drawn.
     fn points_in_cameras(&self) -> (MappedPoints, Option<DMatrix<f64>>) {
         let system = self.coordinate_system();
         let mut found = MappedPoints::default();

@@ -314,6 +314,10 @@ impl Site {
             if joined.is_connected {
                 let (points, is_linked) = (UsedPoints::new(self, entry), !shared.links(&entry.id).is_empty());
                 recount_redundancy(entry, first, (&points, is_linked), &mut result.findings);
+                // Three points of the floor determine its slope.
+                if points.len() + shared.links(&entry.id).len() > 2 {
+                    result.findings.retain(|finding| finding.code() != Code::FloorSlope);
+                }
             }
         }
         result.solution.position_m = Some(camera.position);
@@ -422,10 +426,6 @@ fn apply_joint_estimate(
     if (joined.is_connected || camera.lens.distortion.is_wide()) && focal_is_determined {
         findings.retain(|finding| !matches!(finding.code(), Code::FocalUnobservable | Code::PriorDominates));
     }
-    if joined.is_connected {
-        // Points of the floor determine its slope.
-        findings.retain(|finding| finding.code() != Code::FloorSlope);
-    }
     if joined.is_connected && joined.is_misfit {
         findings.retain(|finding| finding.code() != Code::Misfit);
         findings.push(Finding::JointMisfit { chi2: joined.chi2, dof: joined.dof });
@@ -471,18 +471,21 @@ fn add_single_findings(entry: &SiteCamera, first: &SingleFit, camera: &Camera, r
 
 /// Reports an entered principal point that is outside the image, or far from its centre while lines contradict
 /// each other. The lens then probably belongs to another resolution. A principal point of another resolution is
-/// shifted by the same factor in x and y.
+/// shifted by a similar factor in x and y.
 fn check_resolution(entry: &SiteCamera, first: &SingleFit) -> Option<Finding> {
     /// Smallest ratio of two resolutions of a camera. The principal point of one camera is nearer to the centre
     /// of its image.
     const MIN_RATIO: f64 = 1.3;
+    /// Largest ratio of the aspects of two resolutions: 16:9 and 4:3 differ by 1.33.
+    const MAX_ASPECT_RATIO: f64 = 1.4;
     /// Ratio from which the principal point is outside the image.
     const OUTSIDE: f64 = 2.0;
     let entered = entry.entered_principal_point().filter(|entered| entered.sigma.is_none())?.value;
     let [w, h] = entry.size();
     let ratios = [2.0 * entered.u / w, 2.0 * entered.v / h];
     let all = |is: &dyn Fn(f64) -> bool| ratios.iter().all(|&ratio| is(ratio));
-    let is_other = all(&|ratio| ratio > MIN_RATIO) || all(&|ratio| ratio < MIN_RATIO.recip());
+    let is_similar = (ratios[0] / ratios[1]).ln().abs() < MAX_ASPECT_RATIO.ln();
+    let is_other = is_similar && (all(&|ratio| ratio > MIN_RATIO) || all(&|ratio| ratio < MIN_RATIO.recip()));
     let has_doubts = first.has_outliers() || first.fit.as_ref().is_some_and(|fit| fit.is_misfit);
     let is_reported = all(&|ratio| ratio > OUTSIDE) || is_other && has_doubts && first.other_centre.is_none();
     is_reported.then_some(Finding::OtherResolution { entered, size: entry.size_px })

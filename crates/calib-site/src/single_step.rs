@@ -183,22 +183,23 @@ impl Site {
     ) -> Result<SingleFit, Failure> {
         let SingleInputs { entry, fixed, .. } = inputs;
         // Lines have their own evidence about the lens.
-        let fits_lens = inputs.constraints.is_empty() && inputs.is_lens_open();
+        let searches_lens = inputs.constraints.is_empty() && inputs.is_lens_open();
         let points = UsedPoints::new(self, entry);
         let of_points = points.options(entry, inputs.lens_estimate.lens, fixed);
         // The fit, its mark, and the control points that contradict it.
-        let by_control_points =
-            || points.determined(&of_points, fits_lens).map(|found| (None, points.suspects(&found), found));
+        let by_control_points = || {
+            points.determined(&of_points, searches_lens).map(|found| (None, points.suspects(&found), found))
+        };
         let by_mark = || {
             let marked = UsedPoints::from_mark(self, entry);
             let options = marked.options(entry, inputs.lens_estimate.lens, fixed);
-            marked.determined(&options, fits_lens).map(|found| (marked.mark, Vec::new(), found))
+            marked.determined(&options, searches_lens).map(|found| (marked.mark, Vec::new(), found))
         };
         let by_points = || inputs.is_open().then(|| by_control_points().or_else(by_mark)).flatten();
         if inputs.constraints.is_empty()
             && let Some((mark, suspect_points, found)) = by_points()
         {
-            let single = inputs.with_points(&found, points.len() == 0);
+            let single = inputs.with_points(&found, mark.is_some());
             return Ok(SingleFit { mark, suspect_points, ..single });
         }
         if inputs.has_lens_only() {

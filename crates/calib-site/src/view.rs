@@ -6,7 +6,7 @@ use calib_core::camera::{Camera, Covariance};
 use calib_core::floor::{CameraView, Stream, StreamError};
 use calib_core::outcome::{Code, Severity};
 
-use crate::document::{ControlPointEntry, Site, SiteCamera};
+use crate::document::{ControlPointEntry, Georeference, Site, SiteCamera};
 use crate::geographic::SurveyedPosition;
 use crate::period::CameraLookupError;
 use crate::site_solution::Scale;
@@ -103,13 +103,17 @@ impl Site {
 
 impl Site {
     /// Returns the distance on the floor between the click of a control point and its coordinates, in metres.
-    /// `None` if the camera is not placed, or the coordinates are not known in the site.
+    /// `camera` is the placed camera of the point, and `georeference` the position of the site on the map.
+    /// `None` if the coordinates are not known in the site, or the click shows no floor.
     #[must_use]
-    pub fn control_point_distance(&self, entry: &SiteCamera, point: &ControlPointEntry) -> Option<f64> {
+    pub fn control_point_distance(
+        &self,
+        camera: &Camera,
+        georeference: Option<&Georeference>,
+        point: &ControlPointEntry,
+    ) -> Option<f64> {
         let position = SurveyedPosition::of_control_point(point);
-        let on_map = || self.world_on_map(&position, &self.georeference()?);
-        let world = point.site_coordinates(self).or_else(on_map)?;
-        let camera = entry.camera().filter(|_| entry.is_placed())?;
+        let world = point.site_coordinates(self).or_else(|| self.world_on_map(&position, georeference?))?;
         Some(camera.pixel_to_floor(point.px, world.z)?.distance(world.on_floor()))
     }
 }

@@ -18,9 +18,12 @@ use crate::widgets::heading;
 /// Values of the measurements, kept until a camera or a measurement changes.
 #[derive(Debug, Default)]
 pub(crate) struct ShownMeasurements {
-    inputs: Option<(Vec<Option<Camera>>, Vec<Measurement>)>,
+    inputs: Option<Inputs>,
     values: Vec<Result<Measured, String>>,
 }
+
+/// Generation of the site, poses of its cameras, and measurements.
+type Inputs = (u64, Vec<Option<Camera>>, Vec<Measurement>);
 
 impl ShownMeasurements {
     /// Computes the values again if their inputs have changed.
@@ -28,10 +31,10 @@ impl ShownMeasurements {
         let measurements = &session.site.measurements;
         let poses: Vec<Option<Camera>> =
             (0..session.site.cameras.len()).map(|index| session.solved.pose(index).copied()).collect();
-        let is_current = self
-            .inputs
-            .as_ref()
-            .is_some_and(|(of_poses, of_measurements)| *of_poses == poses && of_measurements == measurements);
+        let generation = session.revision.generation;
+        let is_current = self.inputs.as_ref().is_some_and(|(of_site, of_poses, of_measurements)| {
+            *of_site == generation && *of_poses == poses && of_measurements == measurements
+        });
         if is_current {
             return;
         }
@@ -39,7 +42,7 @@ impl ShownMeasurements {
         let value =
             |measurement: &Measurement| solved.measure(measurement).map_err(|error| error.to_string());
         self.values = measurements.iter().map(value).collect();
-        self.inputs = Some((poses, measurements.clone()));
+        self.inputs = Some((generation, poses, measurements.clone()));
     }
 
     /// Returns the value of a measurement as text.
@@ -115,12 +118,11 @@ fn row(app: &mut App, ui: &mut Ui, index: usize, measurement: &Measurement) {
             if icons::button(ui, Icon::Close, &format!("Remove {name}"), "", look).clicked() {
                 action = Some(removed(app, index, &name));
             }
-            if measurement.kind == MeasurementKind::Length
-                && let Some(known) = as_known_length(app, measurement)
+            if let Some(length) = line_of(app, measurement)
                 && icons::button(ui, Icon::Known, &format!("Use {name} as a known length"), "", look)
                     .clicked()
             {
-                action = Some(known);
+                action = Some(known_length(app, length));
             }
         });
     });
@@ -145,16 +147,22 @@ fn removed(app: &App, index: usize, name: &str) -> Action {
     Action::Change { site: Box::new(site), name: format!("remove {name}") }
 }
 
-/// Returns the action that turns a length in one image into an annotation of known length, whose length the
-/// operator enters; `None` for other lengths.
-fn as_known_length(app: &App, measurement: &Measurement) -> Option<Action> {
-    let id = &measurement.points.first()?.camera;
-    let camera = app.editor.site().cameras.iter().position(|camera| camera.id == *id)?;
+/// Returns the camera and the ends of a length on the floor of one image; `None` for other measurements.
+fn line_of(app: &App, measurement: &Measurement) -> Option<(usize, [Pixel; 2])> {
     let [a, b] = &measurement.points[..] else { return None };
-    if a.camera != b.camera || a.height_m.or(b.height_m).is_some() {
-        return None;
-    }
+    let is_line = measurement.kind == MeasurementKind::Length
+        && a.camera == b.camera
+        && a.height_m.or(b.height_m).is_none();
+    let session = app.editor.session();
+    // A camera may have several periods. The selected one is preferred.
+    let is_own = |index: &usize| session.site.cameras.get(*index).is_some_and(|entry| entry.id == a.camera);
+    let camera = std::iter::once(session.camera).chain(0..session.site.cameras.len()).find(is_own)?;
+    is_line.then_some((camera, [a.px, b.px]))
+}
+
+/// Returns the action that adds an annotation of known length, whose length the operator enters.
+fn known_length(app: &App, (camera, ends): (usize, [Pixel; 2])) -> Action {
     let mut site = app.editor.site().clone();
-    add_line(&mut site.cameras[camera], Kind::KnownLength, vec![a.px, b.px], true);
-    Some(Action::Change { site: Box::new(site), name: "add a known length".into() })
+    add_line(&mut site.cameras[camera], Kind::KnownLength, ends.to_vec(), true);
+    Action::Change { site: Box::new(site), name: "add a known length".into() }
 }

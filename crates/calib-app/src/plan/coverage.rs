@@ -5,7 +5,7 @@ use calib_core::floor::{DensityLevel, FloorGrid};
 use calib_core::{Camera, FloorPoint};
 use calib_editor::Session;
 use calib_report::{level_colour, level_text, levels};
-use calib_site::{Area, CoverageOptions, LevelRectangle, Site, SiteCamera, WallEntry};
+use calib_site::{CoverageOptions, LevelRectangle, Site, SiteCamera};
 use egui::{Align2, Color32, ComboBox, Frame, Mesh, Painter, Pos2, Rect, RichText, Shape, Stroke, Ui, Vec2};
 
 use crate::canvas::Mapping;
@@ -20,7 +20,7 @@ type Target = (&'static str, f64);
 const TARGETS: [Target; 3] = [("the floor", 0.0), ("number plates", 0.6), ("faces", 1.6)];
 
 /// Opacity of the colours over the plan.
-const OPACITY: f32 = 0.6;
+const OPACITY: f32 = 0.66;
 
 /// Coverage that is shown, kept until its inputs change.
 #[derive(Debug)]
@@ -42,8 +42,8 @@ impl Default for ShownCoverage {
 struct Inputs {
     /// Pose and EFOV of every camera.
     cameras: Vec<(Camera, Vec<FloorPoint>)>,
-    walls: Vec<WallEntry>,
-    areas: Vec<Area>,
+    /// Generation of the site, which contains its walls, areas and ids.
+    generation: u64,
     height: f64,
 }
 
@@ -92,15 +92,32 @@ impl Inputs {
         };
         Self {
             cameras: (0..session.site.cameras.len()).filter_map(camera).collect(),
-            walls: session.site.walls.clone(),
-            areas: session.site.areas.clone(),
+            generation: session.revision.generation,
             height,
         }
     }
 }
 
+impl Inputs {
+    /// Returns the distance of the grid points, in metres: the layer follows a dragged camera without delay.
+    fn step(&self) -> Option<f64> {
+        /// Largest number of grid points.
+        const MAX_POINTS: f64 = 25_000.0;
+        /// Smallest step, in metres.
+        const MIN_STEP: f64 = 0.05;
+        let corners = || self.cameras.iter().flat_map(|(_, field)| field);
+        let range = |of: fn(&FloorPoint) -> f64| {
+            let values = || corners().map(of);
+            values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min)
+        };
+        let area = range(|at| at.x) * range(|at| at.y);
+        (area.is_finite() && area > 0.0)
+            .then(|| ((area / MAX_POINTS).sqrt() / MIN_STEP).ceil().max(1.0) * MIN_STEP)
+    }
+}
+
 impl Computed {
-    fn new(session: &Session, height: f64) -> Result<Self, String> {
+    fn new(session: &Session, inputs: &Inputs) -> Result<Self, String> {
         let mut site: Site = session.solved.write_into(&session.site);
         let superseded: Vec<bool> =
             (0..site.cameras.len()).map(|index| session.site.is_superseded(index)).collect();
@@ -109,7 +126,8 @@ impl Computed {
             index += 1;
             !superseded[index - 1]
         });
-        let options = CoverageOptions { height, ..CoverageOptions::default() };
+        let options =
+            CoverageOptions { height: inputs.height, step: inputs.step(), ..CoverageOptions::default() };
         let found = site.coverage(&options).map_err(|error| error.to_string())?;
         let ids = |cameras: &[&SiteCamera]| cameras.iter().map(|camera| camera.id.clone()).collect();
         let reached = |at: usize| DensityLevel::reached_by(found.coverage.density[at]);
@@ -145,7 +163,7 @@ impl ShownCoverage {
     fn update(&mut self, session: &Session) {
         let inputs = Inputs::new(session, self.height);
         if self.inputs.as_ref() != Some(&inputs) {
-            self.result = Computed::new(session, self.height);
+            self.result = Computed::new(session, &inputs);
             self.inputs = Some(inputs);
         }
     }
@@ -215,18 +233,19 @@ fn paint_survey(site: &Site, found: &Computed, painter: &Painter, mapping: &Mapp
     }
 }
 
-/// Shows the legend in a corner of the plan, with the height of the targets to choose.
-pub(crate) fn legend_ui(app: &mut App, ui: &mut Ui, rect: Rect) {
+/// Shows the legend in a corner of the plan, with the height of the targets to choose. Returns its rectangle;
+/// `None` if the plan is too small.
+pub(crate) fn legend_ui(app: &mut App, ui: &mut Ui, rect: Rect) -> Option<Rect> {
     /// Smallest plan with a legend, and the width of the legend.
     const MIN_SIZE: Vec2 = Vec2::new(320.0, 300.0);
     const WIDTH: f32 = 214.0;
     if rect.width() < MIN_SIZE.x || rect.height() < MIN_SIZE.y {
-        return;
+        return None;
     }
     let palette = theme::palette(ui.ctx());
     let corner = rect.left_top() + Vec2::new(12.0, 12.0);
     let place = Rect::from_min_size(corner, Vec2::new(WIDTH, rect.height() - 24.0));
-    ui.scope_builder(egui::UiBuilder::new().max_rect(place), |ui| {
+    let shown = ui.scope_builder(egui::UiBuilder::new().max_rect(place), |ui| {
         let frame = Frame::new().fill(palette.panel).corner_radius(4.0).inner_margin(8.0);
         frame.show(ui, |ui| {
             ui.set_width(WIDTH - 16.0);
@@ -254,7 +273,9 @@ pub(crate) fn legend_ui(app: &mut App, ui: &mut Ui, rect: Rect) {
                     });
                 });
             }
-            for (ids, why) in [(&found.left_out, "left out, not placed"), (&found.assumed, "assumed scale")] {
+            for (ids, why) in
+                [(&found.left_out, "not included, because not placed"), (&found.assumed, "assumed scale")]
+            {
                 if !ids.is_empty() {
                     let text = format!("{}: {why}", ids.join(", "));
                     ui.label(RichText::new(text).small().color(palette.warn));
@@ -262,6 +283,7 @@ pub(crate) fn legend_ui(app: &mut App, ui: &mut Ui, rect: Rect) {
             }
         });
     });
+    Some(shown.response.rect)
 }
 
 /// Shows the choice of the targets.
@@ -270,7 +292,7 @@ fn target_ui(app: &mut App, ui: &mut Ui) {
     let units = app.editor.session().site.units;
     let now = app.coverage.height;
     ui.horizontal(|ui| {
-        let label = ui.label(RichText::new("Pixels per metre of").small().color(palette.text2));
+        let label = ui.label(RichText::new("Pixel density for").small().color(palette.text2));
         let named = |(name, _): &Target| (*name).to_owned();
         let chosen = TARGETS.iter().find(|(_, height)| *height == now).map_or_else(String::new, named);
         ComboBox::from_id_salt("coverage targets")

@@ -25,7 +25,7 @@ pub struct Floor<'a> {
     /// Whether the images of all cameras are projected, not only the current one.
     pub blend: bool,
     /// Whether fields of view are filled, so that overlaps are visible.
-    pub fills: bool,
+    pub fills_fields: bool,
     /// Semi-axes of position ellipses.
     pub ellipses: EllipseSize,
     /// Poses of the cameras before the current gesture or the last joint solve, painted as ghosts.
@@ -112,7 +112,7 @@ impl Floor<'_> {
                 let points = self.path(&closed);
                 let pen = match meaning {
                     Meaning::Efov(index) => {
-                        if self.fills {
+                        if self.fills_fields {
                             fill(painter, &closed, &points, pen.colour.gamma_multiply(0.10));
                         }
                         self.field_pen(index, pen)

@@ -1,7 +1,7 @@
 //! Panel of ground points: points with known coordinates that wait for a click in an image.
 
-use calib_editor::{Action, PointAction};
-use calib_site::{CoordinateSystem, GroundPoint, Site, SiteCamera, typed_degrees};
+use calib_editor::{Action, PointAction, Session};
+use calib_site::{CoordinateSystem, Georeference, GroundPoint, SiteCamera, typed_degrees};
 use egui::{DragValue, RichText, TextEdit, Ui, Vec2};
 
 use crate::icons::{self, Icon, Look};
@@ -18,9 +18,10 @@ const MAX_ROWS: usize = 200;
 /// Shows the ground points with the cameras in which they are clicked, and a field for a new one.
 pub(crate) fn ground_points_ui(app: &mut App, ui: &mut Ui) {
     let points = app.editor.session().site.ground_points.clone();
+    let georeference = app.editor.session().georeference();
     heading(ui, "Points to click", if points.is_empty() { "" } else { "clicked in" });
     for point in points.iter().take(MAX_ROWS) {
-        point_row(app, ui, point);
+        point_row(app, ui, point, georeference.as_ref());
     }
     if points.len() > MAX_ROWS {
         let text = format!("{} more points are not listed.", points.len() - MAX_ROWS);
@@ -64,10 +65,10 @@ fn grid_field(app: &mut App, ui: &mut Ui) {
 }
 
 /// Shows a ground point: its id, the cameras in which it is clicked, and, if it is chosen, its coordinates.
-fn point_row(app: &mut App, ui: &mut Ui, point: &GroundPoint) {
+fn point_row(app: &mut App, ui: &mut Ui, point: &GroundPoint, georeference: Option<&Georeference>) {
     let palette = theme::palette(ui.ctx());
     let is_chosen = app.editor.session().tool.ground_point.as_ref() == Some(&point.id);
-    let cameras = cameras_with(&app.editor.session().site, &point.id);
+    let cameras = cameras_with(app.editor.session(), &point.id, georeference);
     let mut sent = None;
     ui.horizontal(|ui| {
         let title = RichText::new(&point.id).font(theme::medium(12.0));
@@ -147,16 +148,18 @@ fn new_point(app: &mut App, ui: &mut Ui) {
 
 /// Returns the ids of the cameras in which a ground point is clicked, each with the distance of the click from
 /// the coordinates of the point.
-fn cameras_with(site: &Site, id: &str) -> Vec<String> {
-    let units = site.units;
-    let with_distance = |camera: &SiteCamera| {
+fn cameras_with(session: &Session, id: &str, georeference: Option<&Georeference>) -> Vec<String> {
+    let (site, units) = (&session.site, session.site.units);
+    let with_distance = |(index, camera): (usize, &SiteCamera)| {
         let point = camera.control_points.iter().find(|point| point.id.as_deref() == Some(id))?;
-        let distance = site.control_point_distance(camera, point).map_or_else(String::new, |distance| {
+        let pose = session.solved.placed_pose(index);
+        let distance = pose.and_then(|pose| site.control_point_distance(pose, georeference, point));
+        let text = distance.map_or_else(String::new, |distance| {
             format!(" {:.2} {}", distance / units.metres(), units.symbol())
         });
-        Some(format!("{}{distance}", camera.id))
+        Some(format!("{}{text}", camera.id))
     };
-    site.cameras.iter().filter_map(with_distance).collect()
+    site.cameras.iter().enumerate().filter_map(with_distance).collect()
 }
 
 /// Returns the coordinates of a ground point as text.

@@ -63,6 +63,8 @@ pub struct Panes {
     pub(crate) last_press: Option<(f64, Pos2)>,
     /// Canvas with a minimap, and the minimap's rectangle.
     pub(crate) minimap: Option<((Place, Pane), Rect)>,
+    /// Canvas with the legend of the coverage, and the legend's rectangle.
+    pub(crate) legend: Option<((Place, Pane), Rect)>,
     /// Canvas that wipes between two images, and the rectangle of its wipe handle.
     pub(crate) wipe: Option<((Place, Pane), Rect)>,
     /// Canvas that was used last; zoom keys apply to it.
@@ -100,9 +102,9 @@ impl Panes {
         chosen.filter(|_| !was_fitted).unwrap_or(whole)
     }
 
-    /// Whether a minimap or a wipe handle covers a position on a canvas.
+    /// Whether a minimap, a legend or a wipe handle covers a position on a canvas.
     pub(crate) fn is_covered(&self, key: (Place, Pane), at: Pos2) -> bool {
-        let over = [self.minimap, self.wipe];
+        let over = [self.minimap, self.legend, self.wipe];
         over.into_iter().flatten().any(|(own, rect)| own == key && rect.contains(at))
     }
 

@@ -79,7 +79,7 @@ codes! {
         PrincipalPoint = "principal-point",
         /// The entered principal point is the centre of an image of another resolution.
         TwoResolutions = "two-resolutions",
-        /// Nothing determines or states the slope of the ground, and floor lengths depend on it.
+        /// Unknown slope of the ground, on which floor lengths depend.
         FloorSlope = "floor-slope",
         /// Recorders code images of this size with pixels that are not square, and no pixel aspect is entered.
         PixelsNotSquare = "pixels-not-square",

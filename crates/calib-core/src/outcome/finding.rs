@@ -80,7 +80,7 @@ pub enum UnusedReason {
     UnknownLengthOrEnd,
     /// No camera poses make all shared landmarks visible.
     NoPoses,
-    /// The coordinates are those of a map, and the site has no georeference.
+    /// The points have map coordinates, and the site has no georeference.
     NoGeoreference,
 }
 
@@ -197,12 +197,13 @@ pub enum Finding {
         /// Width and height of the image, in pixels.
         size: [u32; 2],
     },
-    /// Floor lengths depend on the slope of the ground, which nothing determines or states.
+    /// Unknown slope of the ground, on which floor lengths depend.
     UnknownSlope {
         /// Relative standard deviation of floor lengths, for ground that slopes as usual.
         usual: f64,
-        /// Relative standard deviation of floor lengths, for ground that may slope by 6 %.
-        sloping: f64,
+        /// Relative standard deviation of floor lengths, for ground that may slope by 6 %; `None` if the
+        /// annotations then do not determine the camera.
+        sloping: Option<f64>,
     },
     /// Recorders code images of this size with pixels that are not square, and no pixel aspect is entered.
     PixelsNotSquare {

@@ -54,7 +54,7 @@ fn usual_lens(options: &PointFitOptions, k1: f64) -> Lens {
 impl PointFit {
     /// Fits the camera together with the distortion of its lens, if the points contradict this fit with the
     /// lens of the options, and support a distortion. The camera of the result has the lens. Returns `None` if
-    /// this fit stands.
+    /// this fit is kept.
     #[must_use]
     pub fn with_lens(&self, points: &[ControlPoint], options: &PointFitOptions) -> Option<Self> {
         let has_doubts = !self.outliers.is_empty() || is_misfit(self.chi2, self.dof);
@@ -69,8 +69,8 @@ impl PointFit {
         let best = grid.filter_map(candidate).min_by(|a, b| a.loss.total_cmp(&b.loss))?;
         let best = narrowed(best, step, candidate);
         let is_evident = best.loss < self.loss - MIN_GAIN;
-        let has_more = best.fit.outliers.len() <= self.outliers.len();
-        (is_evident && has_more && best.fit.dof >= MIN_DOF).then_some(best.fit)
+        let keeps_inliers = best.fit.outliers.len() <= self.outliers.len();
+        (is_evident && keeps_inliers && best.fit.dof >= MIN_DOF).then_some(best.fit)
     }
 }
 

@@ -19,7 +19,8 @@ pub const MIN_SLOPE_EFFECT_REL: f64 = 0.05;
 #[must_use]
 pub fn slope_finding(fit: &Fit, sloping: &Constraints, options: &FitOptions) -> Option<Finding> {
     let usual = fit.floor_length_rel?;
-    let sloping = Fit::new(sloping, options).ok()?.floor_length_rel?;
-    let effect = (sloping * sloping - usual * usual).max(0.0).sqrt();
-    (effect > MIN_SLOPE_EFFECT_REL).then_some(Finding::UnknownSlope { usual, sloping })
+    let sloping = Fit::new(sloping, options).ok().and_then(|fit| fit.floor_length_rel);
+    let effect = |sloping: f64| (sloping * sloping - usual * usual).max(0.0).sqrt();
+    let is_large = sloping.is_none_or(|sloping| effect(sloping) > MIN_SLOPE_EFFECT_REL);
+    is_large.then_some(Finding::UnknownSlope { usual, sloping })
 }

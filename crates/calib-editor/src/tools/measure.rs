@@ -37,6 +37,7 @@ impl Measure {
         const MIN_DISTANCE_PX: f64 = 2.0;
         let Some(mut ruler) = self.ruler else {
             if pointer.phase == Phase::Press {
+                (self.from, self.to) = (None, None);
                 session.select_camera(camera);
                 self.ruler = Some(RulerGesture { from: (camera, at), to: (camera, at), is_clicked: false });
             }
@@ -59,12 +60,18 @@ impl Measure {
         let is_height = pointer.modifiers.shift && first == camera;
         let kind = if is_height { MeasurementKind::Height } else { MeasurementKind::Length };
         let point = |(camera, px): (usize, Pixel)| {
-            Some(MeasurementPoint::new(session.site.cameras.get(camera)?.id.clone(), px))
+            let entry = session.site.cameras.get(camera)?;
+            let is_period = session.site.cameras.iter().filter(|other| other.id == entry.id).count() > 1;
+            let at = entry.valid_from.clone().filter(|_| is_period);
+            Some(MeasurementPoint { at, ..MeasurementPoint::new(entry.id.clone(), px) })
         };
         let (Some(a), Some(b)) = (point(ruler.from), point(ruler.to)) else { return };
         let points = vec![a, b];
         session.site.measurements.push(Measurement { id: None, name: None, kind, points });
         session.commit(format!("measure a {}", kind.name()));
+        if pointer.modifiers.shift && !is_height {
+            session.note = Some("A height needs both points in one image. A length was measured.".into());
+        }
     }
 }
 
@@ -75,7 +82,10 @@ impl Tool for Measure {
             return;
         }
         match (self.from, pointer.phase) {
-            (None, Phase::Press) => (self.from, self.to) = (Some(pointer.at), Some(pointer.at)),
+            (None, Phase::Press) => {
+                self.ruler = None;
+                (self.from, self.to) = (Some(pointer.at), Some(pointer.at));
+            }
             (Some(from), Phase::Release) => {
                 let far = (from[0] - pointer.at[0]).hypot(from[1] - pointer.at[1]);
                 if far > pointer.radius {
@@ -102,14 +112,15 @@ impl Tool for Measure {
     fn hint(&self, session: &Session) -> String {
         match (self.from, session.tool.measured) {
             _ if self.ruler.is_some() => {
-                "Click the other end on the floor, also in another image.  Shift: height above the first point"
-                    .into()
+                "Click the other end, in this or another image.  Shift: height".into()
             }
             (Some(_), _) => "Click the other end of the known length.".into(),
             (None, Some(_)) => "Enter the length on the right, or measure again.".into(),
-            (None, None) => "Click two floor points in the images to measure, or two points of the plan whose \
+            (None, None) => {
+                "Click two floor points in the images to measure, or two points of the plan whose \
                              distance you know."
-                .into(),
+                    .into()
+            }
         }
     }
 

@@ -176,7 +176,7 @@ const ANOTHER_EDGE: &str =
     "If the lens is the cause, draw a straight edge in another direction, with three or more points.";
 
 /// Advice for points that contradict each other.
-const CHECK_POINTS: &str = "Check the links, marks and control points with the largest residuals. If many are off, the lens may be curved: draw straight edges.";
+const CHECK_POINTS: &str = "Check the links, marks and control points with the largest residuals. If many residuals are large, the lens may have distortion: draw straight edges.";
 
 /// Advice for an unknown scale.
 const ENTER_A_SCALE: &str = "Enter a known distance, height or length, or two control points on the plan.";
@@ -285,12 +285,17 @@ const fn lens_advice(finding: &Finding) -> &'static str {
 }
 
 /// Returns the message for ground of unknown slope, with the errors of floor lengths on usual and steep ground.
-fn unknown_slope(usual: f64, sloping: f64) -> String {
+fn unknown_slope(usual: f64, sloping: Option<f64>) -> String {
+    let usual = 100.0 * usual;
+    let sloping = match sloping {
+        Some(sloping) => {
+            format!("but only to \u{b1} {:.1} % on ground that rises by 6 %", 100.0 * sloping)
+        }
+        None => "and unknown on ground that rises by 6 %".into(),
+    };
     format!(
-        "Floor lengths depend on the slope of the ground: they are accurate to ± {:.1} % on nearly level ground, but only \
-         to ± {:.1} % on ground that rises by 6 %.",
-        100.0 * usual,
-        100.0 * sloping
+        "Floor lengths depend on the slope of the ground: they are accurate to \u{b1} {usual:.1} % on nearly level \
+         ground, {sloping}."
     )
 }
 

@@ -321,10 +321,10 @@ impl SentenceContext<'_> {
     }
 
     pub(super) fn far_from_map(&self, camera: usize, point: usize, distance: f64) -> String {
-        let name = self.shared(Subject::ControlPoint { camera, point });
+        let name = self.control_point(self.site.cameras.get(camera), point);
         let distance = self.length(distance);
         format!(
-            "The coordinates of {name} on the map are {distance} from its place in the image, according to the other points."
+            "Control point {name} is {distance} away from its map coordinates. The other points determine this."
         )
     }
 

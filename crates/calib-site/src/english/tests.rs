@@ -134,7 +134,7 @@ fn camera_findings() -> Vec<(Finding, Subject)> {
         (F::ExchangedControlPoints { points: [0, 0] }, Subject::OwnControlPoint(0)),
         (F::UncheckedPoints { dof: 0 }, Subject::Placement),
         (F::UncheckedLinks { elements: vec![Subject::Link(0)], cameras: vec![0] }, Subject::Link(0)),
-        (F::UnknownSlope { usual: 0.02, sloping: 0.07 }, Subject::Floor),
+        (F::UnknownSlope { usual: 0.02, sloping: Some(0.07) }, Subject::Floor),
         (F::FarControlPoints { rms_px: 9.0, worst: 0, worst_px: 14.0 }, Subject::OwnControlPoint(0)),
         (F::ScaleConflict { estimated: 3.0, placed: 5.0 }, Subject::Parameter(Parameter::Height)),
         (F::EfovAboveHorizon { is_whole: false }, Subject::Efov),

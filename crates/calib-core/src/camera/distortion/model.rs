@@ -73,7 +73,7 @@ pub(crate) trait Model {
     fn distort_jacobian(&self, undistorted: [f64; 2]) -> Matrix2;
 
     /// Returns the derivatives `d distorted / d coefficient` for every coefficient, at a fixed undistorted
-    /// point. They are zero for a model that is given, never fitted, like all derivatives by coefficients.
+    /// point. All derivatives by coefficients are zero for models that are not fitted.
     fn distort_by_coefficients(&self, _undistorted: [f64; 2]) -> [[f64; 2]; Distortion::MAX_FITTED] {
         Default::default()
     }

@@ -116,7 +116,7 @@ impl Model for Unified {
     }
 
     /// Returns the derivatives of the product `R J` with respect to the distorted point: R is the Jacobian of
-    /// the sphere, and J that of the distortion. The derivative by coordinate k is
+    /// the sphere, and J is the Jacobian of the distortion. The derivative by coordinate k is
     /// `sum_m (dR / dq_m) J_mk J + R dJ / dk`.
     fn ray_curvature(&self, distorted: [f64; 2], ray: [f64; 3]) -> RayCurvature {
         let point @ [x, y] = self.point_of_ray(ray);
