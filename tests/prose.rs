@@ -239,3 +239,43 @@ fn counter_finds_riddles_and_accepts_plain_sentences() {
         assert_eq!(counter.phrases(&doc(plain)), Vec::<String>::new(), "{plain}");
     }
 }
+
+/// Returns the anchor of a heading, as mdBook and code hosts form it.
+fn anchor(heading: &str) -> String {
+    let kept = heading.trim().to_lowercase();
+    let kept = kept.chars().filter(|c| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_'));
+    kept.map(|c| if c == ' ' { '-' } else { c }).collect()
+}
+
+#[test]
+fn links_of_the_guide_have_targets() {
+    let blocks = Regex::new("(?s)```.*?```").unwrap();
+    let read = |path: &Path| blocks.replace_all(&std::fs::read_to_string(path).unwrap(), "").into_owned();
+    let mut pages: Vec<PathBuf> =
+        std::fs::read_dir(root().join("docs/src")).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let others = ["README.md", "CONTRIBUTING.md", "crates/README.md", "crates/calib-formats/README.md"];
+    pages.extend(others.map(|name| root().join(name)));
+    let link = Regex::new(r"\]\(([^)\s]+)\)").unwrap();
+    let (mut wrong, mut count) = (Vec::new(), 0);
+    for page in &pages {
+        let text = read(page);
+        for target in link.captures_iter(&text).map(|found| found[1].to_owned()) {
+            if target.contains("://") || target.starts_with("mailto:") {
+                continue;
+            }
+            count += 1;
+            let (file, wanted) = target.split_once('#').unwrap_or((&target, ""));
+            let path = if file.is_empty() { page.clone() } else { page.parent().unwrap().join(file) };
+            let is_page = path.extension().is_some_and(|extension| extension == "md");
+            let has_anchor = || {
+                let text = read(&path);
+                let headings = text.lines().filter(|line| line.starts_with('#'));
+                headings.map(|line| anchor(line.trim_start_matches('#'))).any(|anchor| anchor == wanted)
+            };
+            if !path.exists() || is_page && !wanted.is_empty() && !has_anchor() {
+                wrong.push(format!("{}: {target}", page.display()));
+            }
+        }
+    }
+    assert!(count > 100 && wrong.is_empty(), "{count} links:\n{}", wrong.join("\n"));
+}
