@@ -61,19 +61,19 @@ fn on_files(app: &mut App, ctx: &Context, command: Files) {
         Files::Demo => open_demonstration(app, false),
         Files::Tour => open_demonstration(app, true),
         Files::Save if app.editor.session().path.is_some() => app.save(),
-        Files::Save | Files::SaveAs => app.ask(Purpose::SaveSite),
-        Files::SavePlain => app.ask(Purpose::SavePlain),
-        Files::Open => app.ask(Purpose::OpenSite),
-        Files::AddImages => app.ask(Purpose::AddImages),
-        Files::LoadPlan => app.ask(Purpose::LoadPlan),
+        Files::Save | Files::SaveAs => app.open_dialog(Purpose::SaveSite),
+        Files::SavePlain => app.open_dialog(Purpose::SavePlain),
+        Files::Open => app.open_dialog(Purpose::OpenSite),
+        Files::AddImages => app.open_dialog(Purpose::AddImages),
+        Files::LoadPlan => app.open_dialog(Purpose::LoadPlan),
         Files::ReplaceStill => {
             app.jobs.replaced = app.editor.session().entry().map(Period::from_camera).unwrap_or_default();
-            app.ask(Purpose::ReplaceStill);
+            app.open_dialog(Purpose::ReplaceStill);
         }
-        Files::Compare => app.ask(Purpose::Compare),
-        Files::Import => app.ask(Purpose::Import),
+        Files::Compare => app.open_dialog(Purpose::Compare),
+        Files::Import => app.open_dialog(Purpose::Import),
         Files::Export => app.dialogs.export.open(),
-        Files::Report => app.ask(Purpose::SaveReport),
+        Files::Report => app.open_dialog(Purpose::SaveReport),
         Files::SavePicture => app.take_picture(ctx),
         Files::StopWork => app.stop_work(),
         Files::ReadAgain => {
@@ -86,7 +86,7 @@ fn on_files(app: &mut App, ctx: &Context, command: Files) {
 
 fn on_newer(app: &mut App, ctx: &Context, command: Newer) {
     match command {
-        Newer::CompareStill => app.ask(Purpose::NewerStill),
+        Newer::CompareStill => app.open_dialog(Purpose::NewerStill),
         Newer::NextLook => app.view.glance.showing = app.view.glance.showing.next(),
         Newer::Recover => app.recover_newer(ctx),
         Newer::DismissNewer if app.is_recovering_in_hand() => {

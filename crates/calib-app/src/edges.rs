@@ -51,7 +51,7 @@ impl Edges {
 
     /// Returns the number of running detections.
     #[must_use]
-    pub fn looking(&self) -> usize {
+    pub fn pending(&self) -> usize {
         self.stills.values().filter(|state| matches!(state, State::Looking(_))).count()
     }
 

@@ -143,7 +143,7 @@ fn outcome(app: &mut App, ui: &mut Ui) {
     let text = RichText::new(text).font(theme::medium(12.0)).color(palette.bg);
     let is_free = app.dialogs.export.files().is_some();
     if ui.add_enabled(is_free, egui::Button::new(text).fill(palette.accent)).clicked() {
-        app.ask(Purpose::Export);
+        app.open_dialog(Purpose::Export);
     }
 }
 

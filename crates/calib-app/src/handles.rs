@@ -165,7 +165,7 @@ pub(crate) fn show(app: &mut App, response: &Response, key: (Place, Pane), mappi
         }
     });
     if let Some(command) = chosen {
-        app.tell(command);
+        app.send_command(command);
     }
 }
 

@@ -170,7 +170,7 @@ fn send_pointer(
     if let Pane::Image(camera) = pane {
         let name = app.editor.session().site.cameras.get(camera).and_then(|entry| entry.image.as_ref());
         still = name.and_then(|name| app.pictures.ready(name)).map(|picture| Arc::clone(&picture.image));
-        offer = app.offer(ui.ctx(), camera, at_px.into(), snap::SNAP_RADIUS_PX);
+        offer = app.edge_under_pointer(ui.ctx(), camera, at_px.into(), snap::SNAP_RADIUS_PX);
     }
     let pointer = Pointer {
         pane,
@@ -285,7 +285,9 @@ fn paint_edge_under_pointer(app: &mut App, ui: &Ui, painter: &Painter, camera: u
     if !app.editor.tool().is_idle() {
         return;
     }
-    let Some(edge) = app.offer(ui.ctx(), camera, at.into(), snap::SNAP_RADIUS_PX) else { return };
+    let Some(edge) = app.edge_under_pointer(ui.ctx(), camera, at.into(), snap::SNAP_RADIUS_PX) else {
+        return;
+    };
     let colour = app.editor.tool_kind().map_or(on_image::WHITE, theme::kind);
     let Some(entry) = app.editor.session().site.cameras.get(camera) else { return };
     let lens = hit::shown_lens(entry, app.editor.session().solved.pose(camera));

@@ -225,10 +225,10 @@ fn whole(app: &mut App, ui: &mut Ui, proposed: &PendingCalibration) {
     ui.horizontal_wrapped(|ui| {
         let is_offered = proposed.confidence != Confidence::None && !proposed.groups.is_empty();
         if is_offered && ui.button("Accept all   Enter").clicked() {
-            app.tell(Command::AcceptProposed);
+            app.send_command(Command::AcceptProposed);
         }
         if ui.button("Discard   Esc").clicked() {
-            app.tell(Command::DismissProposed);
+            app.send_command(Command::DismissProposed);
         }
     });
 }

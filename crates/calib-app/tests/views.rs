@@ -620,7 +620,7 @@ fn closed_chooser_changes_nothing() {
     ] {
         let mut desk = Desk::new(demo());
         let before = desk.site().clone();
-        desk.app().ask(purpose);
+        desk.app().open_dialog(purpose);
         desk.harness.run_steps(3);
         assert!(*desk.site() == before && desk.app().editor.error().is_none(), "{purpose:?}");
     }

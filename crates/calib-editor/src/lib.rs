@@ -10,10 +10,10 @@
 //! - `hit`: parts of an image near the pointer.
 //! - `suggest`, `proposed`: suggested edges, and automatic calibrations of images.
 //! - `history`: undo and redo.
-//! - `joint`, `solved`, `refine`, `together`: results of each camera, and joint results of the site.
+//! - `joint`, `solved`, `refine`, `live_joint`: results of each camera, and joint results of the site.
 //! - `session`: the open site with its selection, history and results.
-//! - `edit`, `epipolar`, `planes`, `snap`, `family`, `placing`: edits of the site and their geometry.
-//! - `newer`, `proposals`, `agreement`, `steps`, `verdict`: newer images, suggestions, consistency and
+//! - `edit`, `epipolar`, `planes`, `snap`, `family`, `placement`: edits of the site and their geometry.
+//! - `newer`, `suggestions`, `agreement`, `steps`, `status`: newer images, suggestions, consistency and
 //!   status.
 //! - `tools`: pointer tools. `command`, `import`, `action`: commands, file import, and requests of a view.
 //! - `editor`, `apply`: the editor, and the effect of each action.
@@ -40,12 +40,12 @@ pub mod planes;
 pub mod snap;
 mod family;
 mod newer;
-mod placing;
-mod proposals;
-mod together;
+mod placement;
+mod suggestions;
+mod live_joint;
 mod agreement;
 pub mod steps;
-mod verdict;
+mod status;
 mod tools;
 pub mod command;
 mod import;
@@ -79,8 +79,8 @@ pub use proposed::{CalibrationDecision, Hypothesis, PendingCalibration, PendingG
 pub use refine::refined;
 pub use session::{LiveSolve, PendingLines, Revision, Session, ToolSettings, corners_of};
 pub use solved::Solved;
+pub use status::{CameraStatus, StatusLevel, camera_status, summary};
 pub use steps::site_subject;
 pub use tools::{
     Icon, Pane, Phase, PlanHandle, Pointer, TOOLS, Tool, ToolRow, is_inside, plan_handles, plan_scale,
 };
-pub use verdict::{CameraStatus, StatusLevel, camera_status, summary};

@@ -452,7 +452,7 @@ fn lens_covariance(lens_estimate: &LensEstimate) -> Covariance {
         // For a fisheye, the parameter is the log of the camera's focal length.
         let focal = lens_estimate.lens.focal;
         let place = |k: usize| match k {
-            Lens::OWN_FOCAL if lens_estimate.lens.distortion.is_wide() => (Covariance::FOCAL, focal),
+            Lens::LENS_FOCAL if lens_estimate.lens.distortion.is_wide() => (Covariance::FOCAL, focal),
             _ => (Covariance::LENS + k, 1.0),
         };
         for (i, row) in fit.covariance.iter().enumerate() {

@@ -1,21 +1,23 @@
 //! Development commands of this workspace, run as `cargo xtask COMMAND`.
 //!
-//! `test`, `notices` and `serve` are small and start at once. The other commands are in `heavy` and are
+//! `test`, `notices`, `docs` and `serve` are small and start at once. The other commands are in `heavy` and are
 //! compiled on first use.
 //!
 //! - `workspace`: folder of the workspace, and the restart with all features
-//! - `serve`: local web server, and detection of the wasm32 compiler
+//! - `server`: local web server, and detection of the wasm32 compiler
 //! - `tools`: external tools of the checks and their installation
 //! - `check`: list of all checks, and its runner
 //! - `notices`: licence notices of the linked crates
+//! - `docs`: guide, API documentation, schema and page in one folder
 //! - `heavy`: builds, benchmarks and accuracy tables
 
 // In dependency order: a module uses only modules listed above it.
 mod workspace;
-mod serve;
+mod server;
 mod tools;
 mod check;
 mod notices;
+mod docs;
 #[cfg(feature = "all")]
 mod heavy;
 
@@ -41,6 +43,12 @@ enum Command {
     },
     /// Write the licence notices of all crates linked into the programs
     Notices,
+    /// Write the guide with the API documentation, the schema and the built page into one folder
+    Docs {
+        /// Output folder
+        #[arg(long, default_value = "target/docs")]
+        out: PathBuf,
+    },
     /// Serve a folder over HTTP on this machine only
     Serve {
         /// Folder to serve
@@ -166,8 +174,9 @@ fn run(command: Command) -> anyhow::Result<()> {
     match command {
         Command::Test { install } => check::run(install),
         Command::Notices => notices::run(),
+        Command::Docs { out } => docs::run(&workspace::root().join(out)),
         Command::Serve { folder, port } => {
-            let site = serve::FolderServer::new(&workspace::root().join(folder), port)?;
+            let site = server::FolderServer::new(&workspace::root().join(folder), port)?;
             println!("http://{}/", site.address()?);
             site.serve();
             Ok(())

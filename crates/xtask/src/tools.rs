@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use crate::serve;
+use crate::server;
 use crate::workspace::root;
 
 /// External tool of a check, and the commands that install it.
@@ -152,7 +152,7 @@ pub(crate) const FUZZ: Tool = Tool {
 
 pub(crate) const WEB: Tool = Tool {
     name: "a wasm32 compiler with library sources (rustup or Debian's rustc-web)",
-    is_installed: serve::has_wasm_compiler,
+    is_installed: server::has_wasm_compiler,
     install: &[&[
         "sh",
         "-c",

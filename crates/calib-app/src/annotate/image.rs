@@ -8,7 +8,7 @@ use calib_image::Confidence;
 use egui::{Color32, Painter, Rect, Ui};
 
 use crate::canvas::Mapping;
-use crate::overlay::{Ghosts, Overlay};
+use crate::overlay::{Overlay, ProposedLines};
 use crate::picture::Piece;
 use crate::state::{App, Mode, Place};
 use crate::theme;
@@ -52,12 +52,12 @@ pub(crate) fn blend_old(
 
 /// Returns the automatic calibration of the current camera for its main canvas; `None` for all other
 /// canvases.
-fn ghosts(app: &App, camera: usize, place: Place) -> Option<Ghosts<'_>> {
+fn ghosts(app: &App, camera: usize, place: Place) -> Option<ProposedLines<'_>> {
     let is_shown = place == Place::Main && camera == app.editor.session().camera;
     let proposed = app.shown_proposal().filter(|_| is_shown)?;
     // If two calibrations explain the edges equally well, their horizons distinguish them.
     let is_believed = proposed.confidence != Confidence::None || proposed.alternative.is_some();
-    Some(Ghosts { preview: app.editor.preview()?, is_believed, lit: app.hover.lit_group })
+    Some(ProposedLines { preview: app.editor.preview()?, is_believed, lit: app.hover.lit_group })
 }
 
 /// Creates the overlay of a camera's image for the canvas at `place`.

@@ -374,6 +374,6 @@ pub(crate) fn far_apart(app: &mut App, ui: &mut Ui) {
         far > 0 && ui.button("Show").clicked()
     });
     if shows.inner {
-        app.tell(Command::ViewAll);
+        app.send_command(Command::ViewAll);
     }
 }

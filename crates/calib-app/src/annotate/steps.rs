@@ -186,7 +186,7 @@ pub(crate) fn steps_ui(app: &mut App, ui: &mut Ui) {
         && waits
         && ui.button("Propose lines   Shift+P").on_hover_text("From the edges of the image").clicked()
     {
-        app.tell(Command::Propose);
+        app.send_command(Command::Propose);
     }
     if bent && ui.button("Fit k1, k2").on_hover_text("Fit the lens to the straight edges").clicked() {
         lens::fit(app);

@@ -282,7 +282,7 @@ fn report(app: &App) -> Value {
         "site": serde_json::from_str::<Value>(&solved.to_json()).unwrap_or(Value::Null),
         "generation": session.revision.generation,
         "behind": app.storage.shelf.as_ref().is_some_and(|shelf| shelf.is_behind()),
-        "reading": app.pictures.loading() + app.edges.looking() + app.jobs.arriving.len(),
+        "reading": app.pictures.loading() + app.edges.pending() + app.jobs.arriving.len(),
         "refining": app.jobs.refining.is_some(),
         "proposing": app.jobs.proposing.is_some(),
         "proposed": session.proposed().map(|own| json!({"verdict": own.confidence.name(), "lines": own.count()})),

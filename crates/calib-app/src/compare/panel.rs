@@ -105,14 +105,14 @@ pub(crate) fn compare_ui(app: &mut App, ui: &mut Ui) {
                 let tip = "What is drawn is carried to the newer still, and the camera solved from it; its old \
                            calibration ends when the new one begins";
                 if ui.button("Recover   Shift+R").on_hover_text(tip).clicked() {
-                    app.tell(Command::Recover);
+                    app.send_command(Command::Recover);
                 }
             }
             // The newer image must not change during the recovery.
             let waits = "The recovery uses this image. Cancel it first.";
             let button = egui::Button::new("Discard");
             if ui.add_enabled(!is_held, button).on_disabled_hover_text(waits).clicked() {
-                app.tell(Command::DismissNewer);
+                app.send_command(Command::DismissNewer);
             }
         });
     });

@@ -250,7 +250,7 @@ impl App {
         let Some(Conflict { path, .. }) = self.dialogs.conflict.take() else { return };
         match decision {
             Decision::Reload => self.open_path(&path),
-            Decision::SaveAs => self.ask(Purpose::SaveSite),
+            Decision::SaveAs => self.open_dialog(Purpose::SaveSite),
             Decision::Overwrite => self.write_to(path),
             Decision::Leave => {}
         }

@@ -48,7 +48,7 @@ impl App {
         match written {
             Ok(()) => {
                 self.jobs.pictured = Some(png.into_inner());
-                self.ask(Purpose::SavePicture);
+                self.open_dialog(Purpose::SavePicture);
             }
             Err(error) => self.act(Action::SetError(error)),
         }

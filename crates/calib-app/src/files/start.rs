@@ -87,7 +87,7 @@ pub(crate) fn start_ui(app: &mut App, ui: &mut Ui) {
         app.decide(index, goes_on);
     }
     if let Some(command) = chosen {
-        app.tell(command);
+        app.send_command(command);
     }
 }
 

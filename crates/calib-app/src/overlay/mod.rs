@@ -26,7 +26,7 @@ use crate::theme::{self, on_image};
 
 pub use lines::Changed;
 pub(crate) use lines::right_of;
-pub use proposed::Ghosts;
+pub use proposed::ProposedLines;
 
 /// Open site with its current results, as the scene that `calib_draw` draws.
 #[derive(Clone, Copy, Debug)]
@@ -78,7 +78,7 @@ pub struct Overlay<'a> {
     /// Detected edges along which the suggested lines can be drawn.
     pub suggested: Vec<Edge>,
     /// Automatic calibration, if this canvas shows it.
-    pub proposed: Option<Ghosts<'a>>,
+    pub proposed: Option<ProposedLines<'a>>,
     /// Newer image, if this canvas compares it.
     pub changed: Option<Changed<'a>>,
     /// Whether labels are shown; small images have none.

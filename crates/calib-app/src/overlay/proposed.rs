@@ -40,7 +40,7 @@ impl Scene for Supposed<'_> {
 
 /// Automatic calibration as it is painted.
 #[derive(Clone, Copy, Debug)]
-pub struct Ghosts<'a> {
+pub struct ProposedLines<'a> {
     /// Preview of the camera of the automatic calibration.
     pub preview: &'a Preview,
     /// Whether the confidence is high enough to show horizon and grid of the camera.
@@ -49,7 +49,7 @@ pub struct Ghosts<'a> {
     pub lit: Option<usize>,
 }
 
-impl Ghosts<'_> {
+impl ProposedLines<'_> {
     /// Whether the automatic calibration contains a camera of sufficient confidence.
     pub(crate) fn is_camera(&self) -> bool {
         self.is_believed && self.preview.pose.is_some()
@@ -59,7 +59,7 @@ impl Ghosts<'_> {
 impl Overlay<'_> {
     /// Paints floor grid and horizon of the automatic calibration, and the horizon of the alternative
     /// solution.
-    pub(crate) fn paint_supposed(&self, painter: &Painter, ghosts: &Ghosts<'_>) {
+    pub(crate) fn paint_supposed(&self, painter: &Painter, ghosts: &ProposedLines<'_>) {
         let (Some(entry), Some(pose), Some(solution)) =
             (self.entry(), &ghosts.preview.pose, &ghosts.preview.solution)
         else {
@@ -85,7 +85,7 @@ impl Overlay<'_> {
 
     /// Paints the lines of the automatic calibration; the selected group and the group under the pointer are
     /// highlighted.
-    pub(crate) fn paint_proposed(&self, painter: &Painter, ghosts: &Ghosts<'_>) {
+    pub(crate) fn paint_proposed(&self, painter: &Painter, ghosts: &ProposedLines<'_>) {
         let Some(proposed) = self.session.proposed() else { return };
         let at = self.cursor.zip(self.entry());
         let over = at.and_then(|(at, entry)| {

@@ -138,7 +138,7 @@ fn disagreement_ui(app: &mut App, ui: &mut Ui, worst: &Agreement) {
         select_worst_link(app, worst.other);
     }
     if links && let Some(row) = TOOLS.iter().position(|tool| tool.title == "Link") {
-        app.tell(Command::ViewAll);
+        app.send_command(Command::ViewAll);
         app.send(Action::SelectTool(row));
     }
 }
@@ -161,7 +161,7 @@ fn select_worst_link(app: &mut App, with: usize) {
     });
     let camera = session.camera;
     app.send(Action::CancelGesture);
-    app.tell(Command::ViewAll);
+    app.send_command(Command::ViewAll);
     if let Some(part) = part {
         app.send(Action::SelectOn(camera, part));
     }

@@ -106,7 +106,7 @@ pub(crate) fn agreement(app: &mut App, ui: &mut Ui) {
     }
     pairs_ui(app, ui);
     if let Some(command) = chosen {
-        app.tell(command);
+        app.send_command(command);
     }
 }
 
@@ -242,6 +242,6 @@ pub(crate) fn out_of_date_ui(app: &mut App, ui: &mut Ui) {
         again = ui.button("Refine again").clicked();
     });
     if again {
-        app.tell(Command::Refine);
+        app.send_command(Command::Refine);
     }
 }

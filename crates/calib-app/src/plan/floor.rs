@@ -9,7 +9,7 @@ use crate::canvas::Mapping;
 use crate::overlay::Shown;
 use crate::paint::{Pen, chip, handle, line, ring, tag};
 use crate::picture::{Pictures, Piece};
-use crate::plan::mesh::{fill, lay};
+use crate::plan::mesh::{fill, paint_projected};
 use crate::state::EllipseSize;
 use crate::theme::{self, on_image};
 
@@ -85,7 +85,7 @@ impl Floor<'_> {
             let tint = Color32::from_white_alpha((255.0 * self.opacity) as u8);
             let plane = self.session.solved.efov_plane(&self.session.site, entry);
             let on = (pose, &plane);
-            lay(painter, &self.mapping, picture, on, &solution.efov_m, entry.size(), tint);
+            paint_projected(painter, &self.mapping, picture, on, &solution.efov_m, entry.size(), tint);
         }
     }
 

@@ -25,7 +25,7 @@ fn cells(mapping: &Mapping, triangle: &[[f64; 2]; 3]) -> usize {
 
 /// Paints the part of an image that shows a field of view on a plane, as seen from above. Small triangles
 /// fill the field, and their corners are projected into the image.
-pub(crate) fn lay(
+pub(crate) fn paint_projected(
     painter: &Painter,
     mapping: &Mapping,
     picture: &Picture,

@@ -177,7 +177,7 @@ fn buttons(app: &mut App, ui: &mut Ui, fixed: bool) {
         }
     });
     if let Some(command) = chosen {
-        app.tell(command);
+        app.send_command(command);
     }
 }
 
@@ -231,13 +231,13 @@ pub fn plan(app: &mut App, ui: &mut Ui) {
     if let Some(error) = app.plan_error() {
         ui.label(RichText::new(error).color(palette.bad));
         if ui.button("Load a floor plan\u{2026}").clicked() {
-            app.ask(crate::choice::Purpose::LoadPlan);
+            app.open_dialog(crate::choice::Purpose::LoadPlan);
         }
     }
     if app.editor.session().site.plan.is_none() {
         ui.label(RichText::new("No plan loaded. You can work without one.").color(palette.text2));
         if ui.button("Load a floor plan\u{2026}").clicked() {
-            app.ask(crate::choice::Purpose::LoadPlan);
+            app.open_dialog(crate::choice::Purpose::LoadPlan);
         }
     } else {
         scale_fields(app, ui);

@@ -14,7 +14,7 @@ use crate::icons::{self, Icon, Look};
 use crate::paint::{Pen, line};
 use crate::picture::Picture;
 use crate::plan::floor::paint_grid;
-use crate::plan::mesh::lay;
+use crate::plan::mesh::paint_projected;
 use crate::state::{App, EllipseSize};
 use crate::theme;
 
@@ -56,7 +56,7 @@ pub fn above_ui(app: &mut App, ui: &mut Ui) {
         _ => words("Draw lines first".into()),
     }
     if hide {
-        app.tell(Command::Above);
+        app.send_command(Command::Above);
     }
 }
 
@@ -117,7 +117,15 @@ pub fn paint(
     let mapping = Mapping::new(View::of([x0, y0], [x1, y1], rect.shrink(8.0), true, false), rect);
     let step = units.step(1.0 / mapping.view.zoom, 1.0 / 12.0).max(units.metres());
     if let Some(picture) = picture {
-        lay(painter, &mapping, picture, (&camera, &Plane::FLOOR), &field, entry.size(), Color32::WHITE);
+        paint_projected(
+            painter,
+            &mapping,
+            picture,
+            (&camera, &Plane::FLOOR),
+            &field,
+            entry.size(),
+            Color32::WHITE,
+        );
     }
     paint_grid(painter, &mapping, step, Color32::from_white_alpha(60));
     let path = |points: &[FloorPoint]| -> Vec<egui::Pos2> {

@@ -66,7 +66,7 @@ fn header(app: &mut App, ui: &mut Ui) {
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 let look = Look { size: Vec2::splat(20.0), ..Look::default() };
                 if icons::button(ui, Icon::Plus, "Add images", "", look).clicked() {
-                    app.ask(Purpose::AddImages);
+                    app.open_dialog(Purpose::AddImages);
                 }
             });
         });

@@ -86,7 +86,7 @@ fn commands(app: &mut App, ctx: &Context) {
         app.dialogs.palette.close();
     }
     if let Some(command) = chosen {
-        app.tell(command);
+        app.send_command(command);
     }
 }
 

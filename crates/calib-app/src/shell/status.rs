@@ -110,7 +110,7 @@ fn state(app: &App, ui: &mut Ui, stop: &mut bool) {
             RichText::new(format!("reading {}", counted(loading, "image", "images"))).color(palette.text2),
         );
     }
-    if app.edges.looking() > 0 {
+    if app.edges.pending() > 0 {
         ui.spinner();
         ui.label(RichText::new("finding edges").color(palette.text2));
     }

@@ -58,7 +58,7 @@ pub fn topbar_ui(app: &mut App, ui: &mut Ui) {
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| right(app, ui, &mut chosen));
     });
     if let Some(command) = chosen {
-        app.tell(command);
+        app.send_command(command);
     }
 }
 

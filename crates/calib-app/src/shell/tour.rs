@@ -21,7 +21,7 @@ pub(super) fn tour_ui(app: &mut App, ui: &mut Ui) {
         None => end(ui),
     });
     match request.inner {
-        Some(StripRequest::Run(command)) => app.tell(command),
+        Some(StripRequest::Run(command)) => app.send_command(command),
         Some(StripRequest::Skip) => app.tour.step = Some(index + 1),
         Some(StripRequest::End) => app.tour.step = None,
         None => {}

@@ -178,7 +178,7 @@ fn header(app: &mut App, ui: &mut Ui, rect: Rect, title: &str, switches: &[Comma
         });
     });
     if let Some(command) = chosen {
-        app.tell(command);
+        app.send_command(command);
     }
 }
 

@@ -143,10 +143,12 @@ fn run_action(app: &mut App, action: WarningAction) {
             app.send(Action::Select(part));
             app.reveal(part);
         }
-        WarningAction::Show(Location::View(command)) | WarningAction::Run(command) => app.tell(command),
+        WarningAction::Show(Location::View(command)) | WarningAction::Run(command) => {
+            app.send_command(command);
+        }
         WarningAction::OnPart(command, part) => {
             app.send(Action::Select(part));
-            app.tell(command);
+            app.send_command(command);
         }
     }
 }
@@ -182,7 +184,7 @@ fn show_subject(app: &mut App, subject: Option<Subject>) {
         _ => None,
     };
     app.send(Action::CancelGesture);
-    app.tell(Command::ViewAll);
+    app.send_command(Command::ViewAll);
     action.into_iter().for_each(|action| app.send(action));
 }
 
@@ -307,7 +309,7 @@ pub(crate) fn error(app: &mut App, ui: &mut Ui) {
         });
     });
     if save {
-        app.tell(Command::Save);
+        app.send_command(Command::Save);
     }
     if close {
         app.send(Action::CloseError);

@@ -272,7 +272,7 @@ impl App {
     }
 
     /// Queues a command for the end of the frame.
-    pub fn tell(&mut self, command: Command) {
+    pub fn send_command(&mut self, command: Command) {
         self.sent.push(Sent::Command(command));
     }
 
@@ -308,7 +308,7 @@ impl App {
     }
 
     /// Opens a file chooser for this purpose.
-    pub fn ask(&mut self, purpose: Purpose) {
+    pub fn open_dialog(&mut self, purpose: Purpose) {
         self.dialogs.dialog = Some((self.dialogs.chooser)(purpose));
     }
 
@@ -391,7 +391,13 @@ impl App {
 
     /// Returns the detected edge within `radius` raw pixels of a pixel in a camera's image, while a line tool
     /// is active.
-    pub fn offer(&mut self, ctx: &Context, camera: usize, at: Pixel, radius: f64) -> Option<Edge> {
+    pub fn edge_under_pointer(
+        &mut self,
+        ctx: &Context,
+        camera: usize,
+        at: Pixel,
+        radius: f64,
+    ) -> Option<Edge> {
         let draws = self
             .editor
             .tool_kind()

@@ -2,7 +2,7 @@
 
 mod view;
 mod files;
-mod sent;
+mod request;
 mod tour;
 mod export;
 mod comparing;
@@ -14,7 +14,7 @@ pub(crate) use comparing::{Comparing, Recovering};
 pub use export::Sheet;
 pub use files::{Conflict, Decision, Outside, PathField, Why};
 pub(crate) use files::{Planning, Read, ReadPicture};
-pub(crate) use sent::Sent;
+pub(crate) use request::Sent;
 pub use tour::{STEPS, Tour, TourButton, TourStep};
 pub(crate) use view::NEAR;
 pub use view::{

@@ -31,7 +31,7 @@ impl App {
             || self.jobs.proposing.is_some()
             || self.is_comparing()
             || self.pictures.loading() > 0
-            || self.edges.looking() > 0
+            || self.edges.pending() > 0
     }
 
     /// Whether running work or an open file chooser can change the site when it ends.

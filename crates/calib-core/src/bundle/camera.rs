@@ -176,7 +176,9 @@ impl<'a> BundleCamera<'a> {
     /// Whether the focal length of a wide lens and the focal length of the camera are one estimated
     /// parameter.
     fn has_tied_focal(&self) -> bool {
-        self.camera.lens.distortion.is_wide() && self.free_lens[Lens::OWN_FOCAL] && self.fixed.focal.is_none()
+        self.camera.lens.distortion.is_wide()
+            && self.free_lens[Lens::LENS_FOCAL]
+            && self.fixed.focal.is_none()
     }
 
     /// Whether lens parameters are estimated.
@@ -275,7 +277,7 @@ impl View<'_> {
     /// Returns the flags of the lens parameters that affect the residuals.
     pub(crate) fn lens_parameters(&self) -> [bool; Lens::PARAMETERS] {
         std::array::from_fn(|k| {
-            self.free[Covariance::LENS + k] || self.has_tied_focal && k == Lens::OWN_FOCAL
+            self.free[Covariance::LENS + k] || self.has_tied_focal && k == Lens::LENS_FOCAL
         })
     }
 
@@ -296,7 +298,7 @@ impl View<'_> {
     /// camera.
     pub(crate) fn add_lens(&self, by: &mut [f64; CAMERA_PARAMS], by_lens: &[f64; Lens::PARAMETERS]) {
         for (k, by_lens) in by_lens.iter().enumerate() {
-            let is_focal = self.has_tied_focal && k == Lens::OWN_FOCAL;
+            let is_focal = self.has_tied_focal && k == Lens::LENS_FOCAL;
             by[if is_focal { Covariance::FOCAL } else { Covariance::LENS + k }] += by_lens;
         }
     }
@@ -326,7 +328,7 @@ fn free_parameters(
     free[Covariance::LENS..Covariance::CENTRE].copy_from_slice(&owner.free_lens[..Lens::CENTRE]);
     free[Covariance::CENTRE..].copy_from_slice(&entry.free_lens[Lens::CENTRE..]);
     if owner.camera.lens.distortion.is_wide() {
-        free[Covariance::LENS + Lens::OWN_FOCAL] = false;
+        free[Covariance::LENS + Lens::LENS_FOCAL] = false;
     }
     free
 }

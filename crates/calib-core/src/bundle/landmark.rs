@@ -277,7 +277,7 @@ impl LandmarkModel {
 /// the focal length of the camera. The observed pixel has a chart only if both focal lengths are equal.
 fn merge_tied_focal(mut by: [f64; Covariance::SIZE], observed: &ObservedPixel) -> [f64; Covariance::SIZE] {
     if observed.chart.is_some() {
-        by[Covariance::FOCAL] += std::mem::take(&mut by[POSE_PARAMS + Lens::OWN_FOCAL]);
+        by[Covariance::FOCAL] += std::mem::take(&mut by[POSE_PARAMS + Lens::LENS_FOCAL]);
     }
     by
 }

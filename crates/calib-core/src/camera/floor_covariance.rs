@@ -237,7 +237,7 @@ impl<'a> PlaneJacobian<'a> {
                 *by = self.displacement_by_bearing(change.at);
             }
             if lens.distortion.is_wide() {
-                let [x, y] = std::mem::take(&mut by[Covariance::LENS + Lens::OWN_FOCAL]);
+                let [x, y] = std::mem::take(&mut by[Covariance::LENS + Lens::LENS_FOCAL]);
                 if self.camera.shares_lens_focal() {
                     let focal = self.camera.focal;
                     by[Covariance::FOCAL][0] += x / focal;

@@ -36,7 +36,7 @@ impl Lens {
     /// model uses it as a coefficient.
     pub const PARAMETERS: usize = Distortion::MAX_FITTED + 2;
     /// Index of the log of the focal length of the lens, for wide lenses only.
-    pub const OWN_FOCAL: usize = Distortion::MAX_FITTED - 1;
+    pub const LENS_FOCAL: usize = Distortion::MAX_FITTED - 1;
     /// Index of the u coordinate of the principal point; v follows.
     pub const CENTRE: usize = Distortion::MAX_FITTED;
 
@@ -190,7 +190,7 @@ impl Lens {
         }
         let [focal, u, v] = self.bearing_by_scale_and_centre(distorted, ray);
         if self.distortion.is_wide() {
-            by[Self::OWN_FOCAL] = focal;
+            by[Self::LENS_FOCAL] = focal;
         }
         [by[Self::CENTRE], by[Self::CENTRE + 1]] = [u, v];
         // A change of v of the principal point moves the square pixels by 1 / aspect as much.
@@ -250,7 +250,7 @@ impl Lens {
         let square = turn.iter().map(|c| c * c).sum::<f64>();
         let mut by = self.bearing_by_parameters(pixel, bearing).map(|by| in_rays(by.jacobian));
         // The Jacobian of w in a bearing contains the factor 1 / f. The derivative of this factor is removed.
-        by[Self::OWN_FOCAL][2] += turn[2];
+        by[Self::LENS_FOCAL][2] += turn[2];
         let by = by.map(|change| -turn.iter().zip(change).map(|(a, b)| a * b).sum::<f64>() / square);
         // On the optical axis the slope is 1 and does not depend on the parameters.
         if radius < 1e-6 { Some((0.0, [0.0; Self::PARAMETERS])) } else { Some((-0.5 * square.ln(), by)) }
@@ -272,7 +272,7 @@ impl Lens {
     pub(crate) fn nudged(&self, parameter: usize, by: f64) -> Self {
         let mut lens = *self;
         match parameter {
-            Self::OWN_FOCAL if self.distortion.is_wide() => lens.focal *= by.exp(),
+            Self::LENS_FOCAL if self.distortion.is_wide() => lens.focal *= by.exp(),
             Self::CENTRE => lens.principal_point.u += by,
             coefficient if coefficient < Self::CENTRE => {
                 let mut coefficients = self.distortion.fitted_coefficients();

@@ -232,7 +232,7 @@ fn wide_derivative(pose: &PosedCamera, world: WorldPoint, index: usize) -> Optio
     let mut by = d_camera.map(|row| row[index]);
     if index == Covariance::FOCAL {
         let with_lens = if camera.shares_lens_focal() { 1.0 } else { 0.0 };
-        let [u, v] = observed.d_lens.map(|row| with_lens * row[Lens::OWN_FOCAL]);
+        let [u, v] = observed.d_lens.map(|row| with_lens * row[Lens::LENS_FOCAL]);
         by = [by[0] - u, by[1] - v].map(|by| by / camera.focal);
     }
     Some(observed.raw_offset(by))

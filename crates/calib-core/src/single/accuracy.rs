@@ -160,7 +160,7 @@ fn placed_length_rel(camera: &Camera, grid: &Grid, height_known: bool) -> Option
             };
             (0..Lens::PARAMETERS).filter(|&k| fitted[k]).for_each(|k| jacobian[4 + k] = moved(k));
             if has_one_focal {
-                let [x, y] = moved(Lens::OWN_FOCAL);
+                let [x, y] = moved(Lens::LENS_FOCAL);
                 jacobian[2] = [jacobian[2][0] + x, jacobian[2][1] + y];
             }
         }

@@ -189,7 +189,7 @@ impl LensProblem<'_> {
         };
         for (&index, value) in self.free.iter().zip(values.iter().skip(self.fitted.len())) {
             match index {
-                Lens::OWN_FOCAL => lens.focal *= value.exp(),
+                Lens::LENS_FOCAL => lens.focal *= value.exp(),
                 Lens::CENTRE => lens.principal_point.u += value,
                 _ => lens.principal_point.v += value,
             }
@@ -468,7 +468,7 @@ impl LensProblem<'_> {
         const START_FOCALS: [f64; 5] = [0.4, 0.52, 0.68, 0.9, 1.2];
         /// Number of steps from every start value.
         const FIRST_STEPS: usize = 8;
-        self.free = vec![Lens::OWN_FOCAL];
+        self.free = vec![Lens::LENS_FOCAL];
         if !is_centre_fixed {
             self.free.extend([Lens::CENTRE, Lens::CENTRE + 1]);
         }

@@ -84,7 +84,7 @@ impl<'a> Problem<'a> {
         count += [roll, pitch, focal, height, weak_log_focal].iter().flatten().count() as i64;
         self.constraints.each_scene_prior(|_, _| count += 1);
         count += if self.constraints.tilt_sigma().is_some() { 2 } else { 0 };
-        count += self.lengths_known_about().count() as i64;
+        count += self.approximate_lengths().count() as i64;
         let nuisances = self.used().iter().filter(|&&used| used).count();
         let unknowns = self.free.iter().filter(|&&free| free).count() + nuisances;
         count - unknowns as i64

@@ -113,7 +113,7 @@ impl<E: Number> Problem<'_, E> {
         state: &State,
         sink: &mut impl FnMut(N, NuisanceJacobian, Option<Source>),
     ) {
-        for (group, value, relative) in self.lengths_known_about() {
+        for (group, value, relative) in self.approximate_lengths() {
             let index = self.nuisances().length(group);
             let residual = N::constant(state.nuisance[index]) - in_heights::<N>(value, &state.parameters);
             sink(residual * relative.recip(), NuisanceJacobian::new(index, relative.recip()), None);
@@ -122,7 +122,7 @@ impl<E: Number> Problem<'_, E> {
 
     /// Returns the groups of lengths that have a prior and a segment: index of the group, length in metres,
     /// and relative standard deviation.
-    pub(super) fn lengths_known_about(&self) -> impl Iterator<Item = (usize, f64, f64)> + '_ {
+    pub(super) fn approximate_lengths(&self) -> impl Iterator<Item = (usize, f64, f64)> + '_ {
         let groups = self.constraints.length_groups.iter().enumerate();
         let known = groups.filter_map(|(group, length)| Some((group, (*length)?)));
         let with_sigma =

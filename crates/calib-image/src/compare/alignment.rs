@@ -7,9 +7,9 @@
 use calib_core::Camera;
 use calib_core::camera::RotationZoom;
 
+use crate::compare::edge_sample::{EdgeSample, Frame, HALF, LENGTH, ProfileMatch, match_profiles};
 use crate::compare::feature::Luma;
 use crate::compare::motion::{Motion, MovedCamera};
-use crate::compare::place::{EdgeSample, Frame, HALF, LENGTH, ProfileMatch, match_profiles};
 use crate::{EdgeOffset, FitParameters, RotationFit};
 
 /// Smallest correlation of two profiles of the same edge.

@@ -16,9 +16,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::compare::alignment::{Alignment, chance_fraction};
 use crate::compare::coarse::{CornerMatch, coarse_rotation, corners};
+use crate::compare::edge_sample::{EdgeSample, edge_samples};
 use crate::compare::feature::Luma;
-use crate::compare::place::{EdgeSample, edge_samples};
-use crate::compare::stepped::StepAlignment;
+use crate::compare::step_test::StepAlignment;
 use crate::edges::{Edge, detect};
 
 /// Standard deviation of the Gaussian that smooths both images before edges are compared, in pixels.

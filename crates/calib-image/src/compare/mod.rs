@@ -6,22 +6,22 @@
 //!
 //! - `feature`: log brightness, corners and their descriptors and matches;
 //! - `coarse`: the rotation and zoom common to most parts of the image;
-//! - `motion`: the motion of a camera and its derivatives; `place`: samples along the edges of the old image;
+//! - `motion`: the motion of a camera and its derivatives; `edge_sample`: samples along the edges of the old image;
 //! - `turn_fit`: one rotation and zoom fitted to all edge offsets; `alignment`: iterated search and fit;
-//! - `stepped`: the test for a moved camera;
+//! - `step_test`: the test for a moved camera;
 //! - `comparison`: the entry point, [`Comparison`];
-//! - `carry`: annotations transferred to the new image; `recovery`: the camera solved from them,
+//! - `transfer`: annotations transferred to the new image; `recovery`: the camera solved from them,
 //!   [`recover`].
 
 mod feature;
 mod turn_fit;
 mod motion;
 mod coarse;
-mod place;
+mod edge_sample;
 mod alignment;
-mod stepped;
+mod step_test;
 mod comparison;
-mod carry;
+mod transfer;
 mod recovery;
 
 pub use comparison::{CameraChange, Comparison, ComparisonError, SizeMismatchError, annotation_edges};

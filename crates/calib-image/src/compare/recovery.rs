@@ -8,8 +8,8 @@ use calib_core::{Camera, Covariance};
 use calib_site::{NewImage, Options, Recovered, Site, SiteCamera};
 use image::RgbImage;
 
-use crate::compare::carry::AnnotationTransfer;
 use crate::compare::comparison::{CameraChange, Comparison};
+use crate::compare::transfer::AnnotationTransfer;
 
 /// Smallest fraction of the annotations that must be transferred for a calibration.
 const MIN_TRANSFERRED_FRACTION: f64 = 0.5;

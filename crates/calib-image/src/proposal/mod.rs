@@ -9,22 +9,22 @@
 //! - `mixture`: the prior of cameras, and the likelihood of all edges under one camera;
 //! - `search`: vanishing points, and the cameras that they allow;
 //! - `curvature`: the lens, from the curvature of single edges;
-//! - `lies`: classification of edges as on the floor or above it;
+//! - `edge_class`: classification of edges as on the floor or above it;
 //! - `strokes`: the most informative edges as annotations, and their solution;
-//! - `straight`: edges curved by distortion, for fitting the lens;
-//! - `still`: the entry point, [`AutomaticCalibration::new`], and the confidence.
+//! - `curved_edge`: edges curved by distortion, for fitting the lens;
+//! - `calibration`: the entry point, [`AutomaticCalibration::new`], and the confidence.
 
 mod frame;
 mod join;
 mod mixture;
 mod search;
 mod curvature;
-mod lies;
+mod edge_class;
 mod strokes;
-mod straight;
-mod still;
+mod curved_edge;
+mod calibration;
 
+pub use calibration::{Alternative, AutomaticCalibration, Confidence, EdgeImage, Reason};
+pub use edge_class::EdgeClass;
 pub use join::join_edges;
-pub use lies::EdgeClass;
-pub use still::{Alternative, AutomaticCalibration, Confidence, EdgeImage, Reason};
 pub use strokes::Group;

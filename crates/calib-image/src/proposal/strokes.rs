@@ -13,8 +13,8 @@ use calib_core::{Annotation, Kind, Lens, Pixel, UndistortedPixel};
 use calib_site::{DistortionEntry, LensEntry, Options, PrincipalPointEntry, Site, SiteCamera, Solution};
 use nalgebra::DMatrix;
 
+use super::edge_class::EdgeClass;
 use super::join::Line;
-use super::lies::EdgeClass;
 use super::mixture::Mixture;
 
 /// Smallest probability that a selected edge belongs to its direction.

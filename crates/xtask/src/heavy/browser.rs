@@ -9,7 +9,7 @@ use anyhow::{Context as _, ensure};
 
 use crate::heavy::product::calib;
 use crate::heavy::web;
-use crate::serve;
+use crate::server;
 use crate::workspace::root;
 
 // The page test and the benchmarks compute their medians with the same code.
@@ -37,7 +37,7 @@ pub(crate) fn run(out: &Path, script: &str, pictures: Option<&Path>, as_is: bool
         web::run(out, None)?;
     }
     let browser = chromium()?;
-    let site = serve::FolderServer::new(out, 0)?;
+    let site = server::FolderServer::new(out, 0)?;
     let address = format!("http://{}/", site.address()?);
     std::thread::spawn(move || site.serve());
     let mut node = Command::new("node");

@@ -5,7 +5,7 @@ use std::process::Command;
 
 use anyhow::ensure;
 
-use crate::serve::{debian_rustc, has_library_sources, rustc_print};
+use crate::server::{debian_rustc, has_library_sources, rustc_print};
 use crate::workspace::root;
 
 const WASM: &str = "wasm32-unknown-unknown";

@@ -10,8 +10,8 @@ use image::RgbImage;
 
 use crate::compare::alignment::Search;
 use crate::compare::comparison::SMOOTHING_PX;
+use crate::compare::edge_sample::edge_samples;
 use crate::compare::feature::Luma;
-use crate::compare::place::edge_samples;
 use crate::edges::Edge;
 use crate::pull::snap_polyline;
 

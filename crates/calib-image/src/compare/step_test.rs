@@ -15,9 +15,9 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::compare::alignment::Alignment;
 use crate::compare::coarse::{AXES, CornerMatch, XorShift, coverage};
+use crate::compare::edge_sample::EdgeSample;
 use crate::compare::feature::Luma;
 use crate::compare::motion::{Motion, MovedCamera};
-use crate::compare::place::EdgeSample;
 
 /// Alignment of two images by a rotation, a zoom and a step.
 pub(crate) struct StepAlignment(Alignment);

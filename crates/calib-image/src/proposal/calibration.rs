@@ -15,13 +15,13 @@ use calib_core::{Code, ImageCircle, Kind, Lens, Orientation, Pixel};
 use calib_site::{PrincipalPointEntry, SiteCamera, Solution, usual_pixel_aspect};
 
 use super::curvature::LensEstimate;
+use super::curved_edge::curved_edges;
+use super::edge_class::classify_edges;
 use super::frame::{level, with_nadir};
 use super::join;
 use super::join::Line;
-use super::lies::classify_edges;
 use super::mixture::{CameraPrior, Mixture};
 use super::search::{Hypothesis, hypotheses};
-use super::straight::curved_edges;
 use super::strokes::{Group, entry, groups, select_strokes, solve_entry, stroke};
 use crate::bars::Bars;
 use crate::line_segment::LineSegment;
