@@ -693,11 +693,11 @@ fn lengths_and_heights_are_measured_in_the_images() {
     assert_eq!(desk.site().measurements[1].kind, calib_site::MeasurementKind::Height);
     assert!(desk.words().iter().any(|word| word.starts_with("1.8") && word.contains(" m \u{b1} ")));
     // A length becomes an annotation, which is not used until its length is entered.
-    desk.harness.get_by_label("Use length 1 as a known length").click();
+    desk.harness.get_by_label("Use length 1 as a known length").click_accesskit();
     desk.harness.run_steps(3);
     let last = desk.site().cameras[0].annotations.last().unwrap().clone();
     assert!(last.kind == Kind::KnownLength && last.off, "{last:?}");
-    desk.harness.get_by_label("Remove length 1").click();
+    desk.harness.get_by_label("Remove length 1").click_accesskit();
     desk.harness.run_steps(3);
     assert_eq!(desk.site().measurements.len(), 1);
     for _ in 0..4 {

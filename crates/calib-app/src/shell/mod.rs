@@ -152,11 +152,11 @@ fn right(app: &mut App, ui: &mut Ui) {
                 section(ui, |ui| lens::lens_ui(app, ui));
                 section(ui, |ui| result::result_ui(app, ui));
                 section(ui, |ui| warnings::warnings_ui(app, ui));
+                measured(app, ui);
                 section(ui, |ui| {
                     planes::lies_on_ui(app, ui);
                     annotations::annotations_ui(app, ui);
                 });
-                measured(app, ui);
             }
             Mode::Plan => {
                 section(ui, |ui| {

@@ -34,7 +34,7 @@ use crate::single::straightness::{
 /// Standard deviation of k1 of the Brown-Conrady model, with coordinates in units of half the image diagonal.
 pub(crate) const K1_SIGMA: f64 = 0.2;
 /// Standard deviation of k2. The expected value is the square of k1 if k1 is negative, and otherwise 0.
-const K2_SIGMA: f64 = 0.1;
+pub(crate) const K2_SIGMA: f64 = 0.1;
 /// Standard deviation of k3.
 const K3_SIGMA: f64 = 0.1;
 /// Standard deviation of p1 and of p2.

@@ -115,6 +115,14 @@ impl PointFit {
         }
         problem.choose(minima)
     }
+
+    /// Computes the fit from one start, without a search. `None` if no minimum is reached.
+    pub(crate) fn near(points: &[ControlPoint], options: &PointFitOptions, start: &Camera) -> Option<Self> {
+        let problem = Problem::new(points, options);
+        let start = Camera { lens: options.lens, ..*start };
+        let minimum = problem.minimum(&problem.consensus(&start, &[])?)?;
+        problem.choose(vec![minimum])
+    }
 }
 
 /// Converts the covariance of a state to that of a camera with this focal length.

@@ -1,28 +1,40 @@
 //! Lens distortion from control points alone, for cameras without straight edges.
 //!
 //! Points of a wide lens contradict every camera without distortion. Their errors grow with the cube of the
-//! distance from the image centre, so correct points near the border look wrong. Therefore the lens is
-//! searched before points are rejected, over the family of usual lenses
+//! distance from the image centre, so correct points near the border look wrong. Therefore the lens
 //!
-//! `radius' = radius (1 + k1 radius^2 + k2 radius^4)`, `k2 = min(k1, 0)^2`,
+//! `radius' = radius (1 + k1 radius^2 + k2 radius^4)`
 //!
-//! with coordinates divided by half the image diagonal. The family is the expected lens of the priors of a
-//! lens fit. The criterion is Cauchy's loss of all points, see [`PointFit`]. An error e of an inlier adds
-//! `e^2 / 9` to it, in standard deviations. The joint solve then estimates k1 and k2 with their priors.
+//! is searched before points are rejected, with coordinates divided by half the image diagonal. The criterion
+//! is Cauchy's loss of all points, see [`PointFit`], and of k1 and k2 by the priors of a lens fit: k2 is
+//! expected at `min(k1, 0)^2`. An error e adds about `e^2 / 9` to the loss, in standard deviations.
+//!
+//! 1. A grid of k1, with k2 at its expected value, and a complete search for the camera at each lens.
+//! 2. Golden-section searches from the best lens, alternately along k1 and along a direction that changes the
+//!    radius only near the corners. The camera starts at the best one.
+//!
+//! The joint solve then estimates k1 and k2 with their priors.
 
 use crate::camera::{BrownConrady, Distortion, Lens};
 use crate::floor::ControlPoint;
 use crate::optimize::is_misfit;
-use crate::single::lens_problem::K1_SIGMA;
+use crate::single::lens_problem::{K1_SIGMA, K2_SIGMA};
 use crate::single::point_fit::{PointFit, PointFitOptions};
 
 /// Range of k1, in units of half the image diagonal: three standard deviations of its prior.
 const RANGE: [f64; 2] = [-0.6, 0.6];
 /// Number of intervals of the search grid.
 const INTERVALS: u32 = 12;
-/// Number of steps of the golden-section search between the neighbours of the best grid point. The interval
-/// shrinks from 0.2 to 0.002, which moves a corner by less than a pixel.
-const STEPS: usize = 10;
+/// Directions of the golden-section searches, in k1 and k2. Along the second one, the radius changes by less
+/// than a fifth of its change in the corners within 0.8 of half the diagonal.
+const DIRECTIONS: [[f64; 2]; 2] = [[1.0, 0.0], [-0.6, 1.0]];
+/// Half the length of the first interval of a golden-section search.
+const FIRST_REACH: f64 = 0.1;
+/// Number of golden-section searches along each direction, and the factor by which their intervals shrink.
+const ROUNDS: i32 = 4;
+const SHRINKAGE: f64 = 0.4;
+/// Number of steps of a golden-section search, which shrink its interval to 2 %.
+const STEPS: usize = 8;
 /// Least decrease of the loss by the lens that counts as evidence: a chi-square of 10, as for straight edges.
 const MIN_GAIN: f64 = 10.0 / 9.0;
 /// Least redundancy of the points without the lens. A lens has two coefficients.
@@ -30,25 +42,81 @@ const MIN_DOF: i64 = 5;
 
 /// Camera from control points with a lens.
 struct Candidate {
-    k1: f64,
+    /// Coefficients k1 and k2.
+    k: [f64; 2],
     fit: PointFit,
-    /// Cauchy's loss of the points, and of k1 by its prior.
+    /// Cauchy's loss of the points and of the coefficients.
     loss: f64,
 }
 
-impl Candidate {
-    fn new(points: &[ControlPoint], options: &PointFitOptions, k1: f64) -> Option<Self> {
-        let fit = PointFit::new(points, &PointFitOptions { lens: usual_lens(options, k1), ..*options })?;
-        let loss = fit.loss + (k1 / K1_SIGMA).powi(2) / 9.0;
-        Some(Self { k1, fit, loss })
-    }
+/// Control points with the inputs of their fit.
+#[derive(Clone, Copy)]
+struct Search<'a> {
+    points: &'a [ControlPoint],
+    options: &'a PointFitOptions<'a>,
 }
 
-/// Returns the lens of the family with this k1.
-fn usual_lens(options: &PointFitOptions, k1: f64) -> Lens {
-    let [width, height] = options.size;
-    let brown = BrownConrady { k1, k2: k1.min(0.0).powi(2), ..BrownConrady::default() };
-    Lens { focal: 0.5 * width.hypot(height), distortion: Distortion::BrownConrady(brown), ..options.lens }
+impl Search<'_> {
+    /// Returns the best candidate: of a grid, then refined along both directions.
+    fn best(&self) -> Option<Candidate> {
+        let [low, high] = RANGE;
+        let step = (high - low) / f64::from(INTERVALS);
+        let grid = (0..=INTERVALS).map(|i| low + step * f64::from(i));
+        let on_grid = grid.filter_map(|k1| self.candidate([k1, k1.min(0.0).powi(2)], None));
+        let mut best = on_grid.min_by(|a, b| a.loss.total_cmp(&b.loss))?;
+        for round in 0..ROUNDS {
+            for direction in DIRECTIONS {
+                best = self.refined(best, direction, FIRST_REACH * SHRINKAGE.powi(round));
+            }
+        }
+        Some(best)
+    }
+
+    /// Fits the camera under a lens, from the camera of another candidate if there is one.
+    fn candidate(&self, k: [f64; 2], start: Option<&Candidate>) -> Option<Candidate> {
+        let [k1, k2] = k;
+        let [width, height] = self.options.size;
+        let distortion = Distortion::BrownConrady(BrownConrady { k1, k2, ..BrownConrady::default() });
+        let lens = Lens { focal: 0.5 * width.hypot(height), distortion, ..self.options.lens };
+        let options = PointFitOptions { lens, ..*self.options };
+        let fit = match start {
+            None => PointFit::new(self.points, &options),
+            Some(start) => PointFit::near(self.points, &options, &start.fit.camera),
+        }?;
+        let of_k2 = (k2 - k1.min(0.0).powi(2)) / K2_SIGMA;
+        let loss = fit.loss + ((k1 / K1_SIGMA).powi(2) + of_k2 * of_k2) / 9.0;
+        Some(Candidate { k, fit, loss })
+    }
+
+    /// Returns the best candidate on the line through a candidate, by golden-section search within `reach`.
+    fn refined(&self, best: Candidate, direction: [f64; 2], reach: f64) -> Candidate {
+        /// Golden ratio minus 1.
+        const GOLDEN: f64 = 0.618_033_988_749_894_8;
+        let along = |by: f64| {
+            let k = [best.k[0] + by * direction[0], best.k[1] + by * direction[1]];
+            self.candidate(k, Some(&best))
+        };
+        let loss = |found: &Option<Candidate>| found.as_ref().map_or(f64::INFINITY, |found| found.loss);
+        let at = |low: f64, high: f64| low + GOLDEN * (high - low);
+        let (mut low, mut high) = (-reach, reach);
+        let (mut left, mut right) = (along(at(high, low)), along(at(low, high)));
+        for _ in 0..STEPS {
+            if loss(&left) < loss(&right) {
+                high = at(low, high);
+                right = left;
+                left = along(at(high, low));
+            } else {
+                low = at(high, low);
+                left = right;
+                right = along(at(low, high));
+            }
+        }
+        let found = [left, right].into_iter().flatten().min_by(|a, b| a.loss.total_cmp(&b.loss));
+        match found {
+            Some(found) if found.loss < best.loss => found,
+            _ => best,
+        }
+    }
 }
 
 impl PointFit {
@@ -62,39 +130,9 @@ impl PointFit {
         if !has_doubts || redundancy < MIN_DOF || options.lens.distortion != Distortion::None {
             return None;
         }
-        let [low, high] = RANGE;
-        let step = (high - low) / f64::from(INTERVALS);
-        let grid = (0..=INTERVALS).map(|i| low + step * f64::from(i));
-        let candidate = |k1: f64| Candidate::new(points, options, k1);
-        let best = grid.filter_map(candidate).min_by(|a, b| a.loss.total_cmp(&b.loss))?;
-        let best = narrowed(best, step, candidate);
+        let best = Search { points, options }.best()?;
         let is_evident = best.loss < self.loss - MIN_GAIN;
         let keeps_inliers = best.fit.outliers.len() <= self.outliers.len();
         (is_evident && keeps_inliers && best.fit.dof >= MIN_DOF).then_some(best.fit)
     }
-}
-
-/// Returns the best candidate between the neighbours of a grid point, by golden-section search.
-fn narrowed(best: Candidate, step: f64, candidate: impl Fn(f64) -> Option<Candidate>) -> Candidate {
-    /// Golden ratio minus 1.
-    const GOLDEN: f64 = 0.618_033_988_749_894_8;
-    let loss = |found: &Option<Candidate>| found.as_ref().map_or(f64::INFINITY, |found| found.loss);
-    let (mut low, mut high) = (best.k1 - step, best.k1 + step);
-    let at = |low: f64, high: f64| low + GOLDEN * (high - low);
-    let (mut left, mut right) = (candidate(at(high, low)), candidate(at(low, high)));
-    for _ in 0..STEPS {
-        if loss(&left) < loss(&right) {
-            high = at(low, high);
-            right = left;
-            left = candidate(at(high, low));
-        } else {
-            low = at(high, low);
-            left = right;
-            right = candidate(at(low, high));
-        }
-    }
-    [left, right]
-        .into_iter()
-        .flatten()
-        .fold(best, |best, other| if other.loss < best.loss { other } else { best })
 }

@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
 /// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
-const REST: [&str; 92] = [
+const REST: [&str; 103] = [
     // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
@@ -36,6 +36,11 @@ const REST: [&str; 92] = [
     "calib_site::measurement",
     "calib_core::floor::coverage",
     "calib_core::single::abramov",
+    "calib_core::single::point_lens",
+    "calib_core::camera::distortion::double_sphere",
+    "calib_core::camera::distortion::eucm",
+    "calib_core::camera::distortion::rational",
+    "calib_core::camera::distortion::unified",
     "calib_site::geographic::typed_degrees",
     "calib_site::geographic::angle",
     "calib_core::floor::pixel_density",
@@ -49,7 +54,12 @@ const REST: [&str; 92] = [
     "calib_app::annotate::links",
     "calib_app::annotate::measurements",
     "calib_app::annotate::result::scale_menu",
+    "calib_app::compare::panel::judgement",
+    "calib_app::files::screenshot",
+    "calib_app::pane::plan",
     "calib_app::plan::coverage",
+    "calib_app::plan::floor",
+    "calib_app::plan::north",
     "calib_app::plan::drawing_fields",
     "calib_app::plan::agreement",
     "calib_app::plan::distances::controls",
@@ -62,6 +72,7 @@ const REST: [&str; 92] = [
     "calib_app::plan::planes::row",
     "calib_app::scene3d",
     "calib_app::shell::palette",
+    "calib_app::shell::points_ui",
     "calib_editor::apply::proposing",
     "calib_editor::tools::control",
     "calib_editor::tools::link",
@@ -240,12 +251,14 @@ fn is_in_rest(name: &str) -> bool {
     reads || !is_shared && REST.iter().any(|part| mentions(&path, part))
 }
 
-/// Whether the path of a function, or the path of one of its generic arguments, begins with these modules.
+/// Whether the path of a function, or the path of one of its generic arguments, begins with these modules, or is
+/// this function.
 fn mentions(path: &str, modules: &str) -> bool {
     path.match_indices(modules).any(|(at, _)| {
         let is_inner =
             path[..at].ends_with(|before: char| before == ':' || before == '_' || before.is_alphanumeric());
-        !is_inner && path[at + modules.len()..].starts_with("::")
+        let rest = &path[at + modules.len()..];
+        !is_inner && (rest.is_empty() || rest.starts_with("::"))
     })
 }
 
