@@ -18,7 +18,7 @@ use crate::handles;
 use crate::keys;
 use crate::paint::{Pen, line};
 use crate::picture::picture_key;
-use crate::plan::coverage::{legend_ui, update_coverage};
+use crate::plan::coverage::{legend_ui, paint_coverage, update_coverage};
 use crate::plan::drawing_fields::snapped;
 use crate::plan::floor::Floor;
 use crate::plan::north::paint_north;
@@ -375,7 +375,7 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     floor.paint_grid(&painter, palette.text3.gamma_multiply(0.18));
     floor.paint_images(&painter, &app.pictures);
     if app.view.coverage {
-        app.coverage.paint(app.editor.site(), &painter, &mapping);
+        paint_coverage(app.coverage.as_ref(), app.editor.site(), &painter, &mapping);
     }
     let cursor = app.view.panes.cursor.and_then(|(pane, at)| (pane == Pane::Plan).then_some(at));
     floor.paint_cameras(&painter, cursor);

@@ -312,12 +312,8 @@ impl Site {
         if let Some(joined) = joined {
             apply_joint_estimate(entry, &camera, (first, &self.plane_priors()), joined, &mut result);
             if joined.is_connected {
-                let (points, is_linked) = (UsedPoints::new(self, entry), !shared.links(&entry.id).is_empty());
-                recount_redundancy(entry, first, (&points, is_linked), &mut result.findings);
-                // Three points of the floor determine its slope.
-                if points.len() + shared.links(&entry.id).len() > 2 {
-                    result.findings.retain(|finding| finding.code() != Code::FloorSlope);
-                }
+                let (points, links) = (UsedPoints::new(self, entry), shared.links(&entry.id).len());
+                recount_redundancy(entry, first, (&points, links), &mut result.findings);
             }
         }
         result.solution.position_m = Some(camera.position);
@@ -519,9 +515,14 @@ fn check_principal_point(entry: &SiteCamera, first: &SingleFit, camera: &Camera)
 fn recount_redundancy(
     entry: &SiteCamera,
     first: &SingleFit,
-    (points, is_linked): (&UsedPoints, bool),
+    (points, links): (&UsedPoints, usize),
     findings: &mut Vec<Finding>,
 ) {
+    // Three points of the floor determine its slope.
+    if points.len() + links > 2 {
+        findings.retain(|finding| finding.code() != Code::FloorSlope);
+    }
+    let is_linked = links > 0;
     /// Number of unknowns of a position and a yaw.
     const UNKNOWNS: i64 = 4;
     /// Degrees of freedom below which a wrong point is not detected reliably.

@@ -1,11 +1,9 @@
 //! Measurements in the images: lines with their values, and the panel that lists them.
 
-use calib_core::floor::Measured;
-use calib_core::{Camera, Kind, Pixel};
+use calib_core::{Kind, Pixel};
+use calib_editor::Action;
 use calib_editor::edit::add_line;
-use calib_editor::{Action, Session};
-use calib_report::measured_text;
-use calib_site::{Measurement, MeasurementKind, Units};
+use calib_site::{Measurement, MeasurementKind};
 use egui::{Align2, Painter, RichText, Ui, Vec2};
 
 use crate::icons::{self, Icon, Look};
@@ -15,57 +13,17 @@ use crate::state::App;
 use crate::theme::{self, on_image};
 use crate::widgets::heading;
 
-/// Values of the measurements, kept until a camera or a measurement changes.
-#[derive(Debug, Default)]
-pub(crate) struct ShownMeasurements {
-    inputs: Option<Inputs>,
-    values: Vec<Result<Measured, String>>,
-}
-
-/// Generation of the site, poses of its cameras, and measurements.
-type Inputs = (u64, Vec<Option<Camera>>, Vec<Measurement>);
-
-impl ShownMeasurements {
-    /// Computes the values again if their inputs have changed.
-    fn update(&mut self, session: &Session) {
-        let measurements = &session.site.measurements;
-        let poses: Vec<Option<Camera>> =
-            (0..session.site.cameras.len()).map(|index| session.solved.pose(index).copied()).collect();
-        let generation = session.revision.generation;
-        let is_current = self.inputs.as_ref().is_some_and(|(of_site, of_poses, of_measurements)| {
-            *of_site == generation && *of_poses == poses && of_measurements == measurements
-        });
-        if is_current {
-            return;
-        }
-        let solved = session.solved.write_into(&session.site);
-        let value =
-            |measurement: &Measurement| solved.measure(measurement).map_err(|error| error.to_string());
-        self.values = measurements.iter().map(value).collect();
-        self.inputs = Some((generation, poses, measurements.clone()));
-    }
-
-    /// Returns the value of a measurement as text.
-    fn text(&self, index: usize, measurement: &Measurement, units: Units) -> String {
-        match self.values.get(index) {
-            Some(Ok(found)) => measured_text(measurement.kind, *found, units),
-            Some(Err(why)) => why.clone(),
-            None => String::new(),
-        }
-    }
-}
-
 /// Computes the values of the measurements again if their inputs have changed.
 pub(crate) fn update_measurements(app: &mut App) {
-    let mut shown = std::mem::take(&mut app.measurements);
+    let mut shown = app.measurements.take().unwrap_or_default();
     shown.update(app.editor.session());
-    app.measurements = shown;
+    app.measurements = Some(shown);
 }
 
 /// Paints the measurements on the image of a camera, each with its value.
 pub(crate) fn paint_on_image(app: &App, camera: usize, overlay: &Overlay, painter: &Painter) {
     let session = app.editor.session();
-    let Some(entry) = session.site.cameras.get(camera) else { return };
+    let (Some(entry), Some(shown)) = (session.site.cameras.get(camera), &app.measurements) else { return };
     let units = session.site.units;
     for (index, measurement) in session.site.measurements.iter().enumerate() {
         let own: Vec<Pixel> = measurement
@@ -81,7 +39,7 @@ pub(crate) fn paint_on_image(app: &App, camera: usize, overlay: &Overlay, painte
         for at in overlay.path(&own) {
             handle(painter, at, on_image::WAITING);
         }
-        let text = app.measurements.text(index, measurement, units);
+        let text = shown.text(index, measurement, units);
         let at = overlay.path(&[last]).first().copied().unwrap_or_default();
         tag(painter, at + Vec2::new(8.0, 8.0), Align2::LEFT_TOP, &text, on_image::WHITE);
     }
@@ -108,8 +66,9 @@ fn row(app: &mut App, ui: &mut Ui, index: usize, measurement: &Measurement) {
     let palette = theme::palette(ui.ctx());
     let name = name_of(index, measurement);
     let units = app.editor.site().units;
-    let text = app.measurements.text(index, measurement, units);
-    let is_valid = matches!(app.measurements.values.get(index), Some(Ok(_)));
+    let Some(shown) = &app.measurements else { return };
+    let text = shown.text(index, measurement, units);
+    let is_valid = matches!(shown.values.get(index), Some(Ok(_)));
     let mut action = None;
     ui.horizontal(|ui| {
         ui.label(RichText::new(&name).font(theme::medium(12.0)).color(palette.text));

@@ -117,15 +117,8 @@ pub fn paint(
     let mapping = Mapping::new(View::of([x0, y0], [x1, y1], rect.shrink(8.0), true, false), rect);
     let step = units.step(1.0 / mapping.view.zoom, 1.0 / 12.0).max(units.metres());
     if let Some(picture) = picture {
-        paint_projected(
-            painter,
-            &mapping,
-            picture,
-            (&camera, &Plane::FLOOR),
-            &field,
-            entry.size(),
-            Color32::WHITE,
-        );
+        let on = (&camera, &Plane::FLOOR);
+        paint_projected(painter, &mapping, picture, on, &field, entry.size(), Color32::WHITE);
     }
     paint_grid(painter, &mapping, step, Color32::from_white_alpha(60));
     let path = |points: &[FloorPoint]| -> Vec<egui::Pos2> {

@@ -157,7 +157,8 @@ fn pointer_position(app: &App, ui: &mut Ui) {
                 })
                 .map(|i| app.editor.session().site.cameras[i].id.as_str());
             let seen: Vec<&str> = seen.collect();
-            if let Some(text) = app.coverage.at(at).filter(|_| app.view.coverage) {
+            let coverage = app.coverage.as_ref().filter(|_| app.view.coverage);
+            if let Some(text) = coverage.and_then(|coverage| coverage.at(at)) {
                 ui.label(RichText::new(text).color(palette.text2));
                 ui.add_space(12.0);
             } else if !seen.is_empty() {

@@ -22,7 +22,7 @@ use crate::picture::Pictures;
 use crate::platform::{Here, Platform, Task};
 use crate::state::{
     Comparing, Conflict, Decision, EllipseSize, Glance, Layers, List, Looking, Mode, Orbit, Outside, Palette,
-    Panes, PathField, Place, Planning, Read, Recovering, Sent, Sheet, Tour,
+    Panes, PathField, Place, Planning, Read, Recovering, Sent, Sheet, ShownCoverage, ShownMeasurements, Tour,
 };
 use crate::storage::autosave::Shelf;
 use crate::storage::autosave::Thumbnail;
@@ -172,10 +172,10 @@ pub struct App {
     pub tour: Tour,
     /// Ids of the links or marks between which the next distance is measured.
     pub pair: [String; 2],
-    /// Values of the measurements.
-    pub(crate) measurements: crate::annotate::measurements::ShownMeasurements,
-    /// Coverage that the plan shows.
-    pub coverage: crate::plan::coverage::ShownCoverage,
+    /// Values of the measurements; `None` until the site has one.
+    pub(crate) measurements: Option<ShownMeasurements>,
+    /// Coverage that the plan shows; `None` until it is first shown.
+    pub coverage: Option<ShownCoverage>,
     /// Text of the field for the coordinates of a new ground point.
     pub typed_point: String,
     /// Clock in seconds since 1970, for the age of calibrations.
@@ -227,8 +227,8 @@ impl App {
             edges: Edges::default(),
             tour: Tour::default(),
             pair: Default::default(),
-            measurements: crate::annotate::measurements::ShownMeasurements::default(),
-            coverage: crate::plan::coverage::ShownCoverage::default(),
+            measurements: None,
+            coverage: None,
             typed_point: String::new(),
             clock: || SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()),
             view: ViewState::default(),

@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
 /// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
-const REST: [&str; 103] = [
+const REST: [&str; 97] = [
     // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
@@ -36,11 +36,6 @@ const REST: [&str; 103] = [
     "calib_site::measurement",
     "calib_core::floor::coverage",
     "calib_core::single::abramov",
-    "calib_core::single::point_lens",
-    "calib_core::camera::distortion::double_sphere",
-    "calib_core::camera::distortion::eucm",
-    "calib_core::camera::distortion::rational",
-    "calib_core::camera::distortion::unified",
     "calib_site::geographic::typed_degrees",
     "calib_site::geographic::angle",
     "calib_core::floor::pixel_density",
@@ -54,8 +49,6 @@ const REST: [&str; 103] = [
     "calib_app::annotate::links",
     "calib_app::annotate::measurements",
     "calib_app::annotate::result::scale_menu",
-    "calib_app::compare::panel::judgement",
-    "calib_app::files::screenshot",
     "calib_app::pane::plan",
     "calib_app::plan::coverage",
     "calib_app::plan::floor",
@@ -71,8 +64,9 @@ const REST: [&str; 103] = [
     "calib_app::plan::planes::region_buttons",
     "calib_app::plan::planes::row",
     "calib_app::scene3d",
+    "calib_app::state::coverage",
+    "calib_app::state::measurements",
     "calib_app::shell::palette",
-    "calib_app::shell::points_ui",
     "calib_editor::apply::proposing",
     "calib_editor::tools::control",
     "calib_editor::tools::link",

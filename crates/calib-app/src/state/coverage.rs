@@ -1,0 +1,169 @@
+//! Coverage that the plan shows: the pixel density of the visible floor, computed when its inputs change.
+
+use calib_core::floor::{DensityLevel, FloorGrid};
+use calib_core::{Camera, FloorPoint};
+use calib_editor::Session;
+use calib_report::levels;
+use calib_site::{CoverageOptions, LevelRectangle, Site, SiteCamera};
+
+/// Coverage that is shown, kept until its inputs change.
+#[derive(Debug)]
+pub struct ShownCoverage {
+    /// Height of the targets above the floor, in metres.
+    pub(crate) height: f64,
+    inputs: Option<Inputs>,
+    pub(crate) result: Result<Computed, String>,
+}
+
+impl Default for ShownCoverage {
+    fn default() -> Self {
+        Self { height: 0.0, inputs: None, result: Ok(Computed::default()) }
+    }
+}
+
+/// Everything that determines a coverage.
+#[derive(Clone, Debug, PartialEq)]
+struct Inputs {
+    /// Pose and EFOV of every camera.
+    cameras: Vec<(Camera, Vec<FloorPoint>)>,
+    /// Generation of the site, which contains its walls, areas and ids.
+    generation: u64,
+    height: f64,
+}
+
+/// Coverage of a site, without references to it.
+#[derive(Debug)]
+pub(crate) struct Computed {
+    pub(crate) rectangles: Vec<LevelRectangle>,
+    grid: FloorGrid,
+    density: Vec<f64>,
+    best: Vec<Option<usize>>,
+    seen_by: Vec<usize>,
+    /// Ids of the cameras of `best`.
+    cameras: Vec<String>,
+    /// Visible floor of each level, in square metres.
+    pub(crate) areas: Vec<(Option<DensityLevel>, f64)>,
+    /// Ids of cameras that are left out, because they have no position relative to the others.
+    pub(crate) left_out: Vec<String>,
+    /// Ids of cameras whose scale is assumed.
+    pub(crate) assumed: Vec<String>,
+    /// Areas of interest, and whether each reaches its level.
+    pub(crate) results: Vec<(String, bool)>,
+}
+
+impl Default for Computed {
+    fn default() -> Self {
+        Self {
+            rectangles: Vec::new(),
+            grid: FloorGrid { origin: FloorPoint::default(), step: 1.0, columns: 0, rows: 0 },
+            density: Vec::new(),
+            best: Vec::new(),
+            seen_by: Vec::new(),
+            cameras: Vec::new(),
+            areas: Vec::new(),
+            left_out: Vec::new(),
+            assumed: Vec::new(),
+            results: Vec::new(),
+        }
+    }
+}
+
+impl Inputs {
+    fn new(session: &Session, height: f64) -> Self {
+        let camera = |index: usize| {
+            let (pose, solution) = (session.solved.pose(index)?, session.solved.solution(index)?);
+            (!session.site.is_superseded(index)).then(|| (*pose, solution.efov_m.clone()))
+        };
+        Self {
+            cameras: (0..session.site.cameras.len()).filter_map(camera).collect(),
+            generation: session.revision.generation,
+            height,
+        }
+    }
+}
+
+impl Inputs {
+    /// Returns the distance of the grid points, in metres: the layer follows a dragged camera without delay.
+    fn step(&self) -> Option<f64> {
+        /// Largest number of grid points.
+        const MAX_POINTS: f64 = 25_000.0;
+        /// Smallest step, in metres.
+        const MIN_STEP: f64 = 0.05;
+        let corners = || self.cameras.iter().flat_map(|(_, field)| field);
+        let range = |of: fn(&FloorPoint) -> f64| {
+            let values = || corners().map(of);
+            values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min)
+        };
+        let area = range(|at| at.x) * range(|at| at.y);
+        (area.is_finite() && area > 0.0)
+            .then(|| ((area / MAX_POINTS).sqrt() / MIN_STEP).ceil().max(1.0) * MIN_STEP)
+    }
+}
+
+impl Computed {
+    fn new(session: &Session, inputs: &Inputs) -> Result<Self, String> {
+        let mut site: Site = session.solved.write_into(&session.site);
+        let superseded: Vec<bool> =
+            (0..site.cameras.len()).map(|index| session.site.is_superseded(index)).collect();
+        let mut index = 0;
+        site.cameras.retain(|_| {
+            index += 1;
+            !superseded[index - 1]
+        });
+        let options =
+            CoverageOptions { height: inputs.height, step: inputs.step(), ..CoverageOptions::default() };
+        let found = site.coverage(&options).map_err(|error| error.to_string())?;
+        let ids = |cameras: &[&SiteCamera]| cameras.iter().map(|camera| camera.id.clone()).collect();
+        let reached = |at: usize| DensityLevel::reached_by(found.coverage.density[at]);
+        let areas = levels().map(|level| (level, found.visible_area(|at| reached(at) == level))).collect();
+        let results = found.areas.iter().map(|result| {
+            (result.area.name.clone().unwrap_or_else(|| result.area.id.clone()), result.is_met())
+        });
+        Ok(Self {
+            rectangles: found.rectangles(),
+            areas,
+            results: results.collect(),
+            left_out: ids(&found.left_out),
+            assumed: ids(&found.scale_assumed),
+            cameras: ids(&found.cameras),
+            grid: found.grid,
+            density: found.coverage.density,
+            best: found.coverage.best,
+            seen_by: found.coverage.seen_by,
+        })
+    }
+
+    /// Returns the index of the grid point nearest to a floor point.
+    fn nearest(&self, [x, y]: [f64; 2]) -> Option<usize> {
+        let FloorGrid { origin, step, columns, rows } = self.grid;
+        let [column, row] = [(x - origin.x) / step, (y - origin.y) / step].map(f64::round);
+        let is_inside = (0.0..columns as f64).contains(&column) && (0.0..rows as f64).contains(&row);
+        is_inside.then(|| row as usize * columns + column as usize)
+    }
+}
+
+impl ShownCoverage {
+    /// Computes the coverage again if its inputs have changed.
+    pub(crate) fn update(&mut self, session: &Session) {
+        let inputs = Inputs::new(session, self.height);
+        if self.inputs.as_ref() != Some(&inputs) {
+            self.result = Computed::new(session, &inputs);
+            self.inputs = Some(inputs);
+        }
+    }
+
+    /// Describes the coverage at a floor point, such as "142 px/m (recognise) by shop-1, seen by 2".
+    pub(crate) fn at(&self, at: [f64; 2]) -> Option<String> {
+        let found = self.result.as_ref().ok()?;
+        let index = found.nearest(at)?;
+        let Some(best) = found.best[index] else { return Some("not visible".into()) };
+        let density = found.density[index];
+        let level = DensityLevel::reached_by(density).map_or("below all levels", DensityLevel::name);
+        let camera = found.cameras.get(best).map_or("", String::as_str);
+        let more = match found.seen_by[index] {
+            1 => String::new(),
+            count => format!(", seen by {count}"),
+        };
+        Some(format!("{density:.0} px/m ({level}) by {camera}{more}"))
+    }
+}

@@ -1,0 +1,47 @@
+//! Values of the measurements in the images, computed when their inputs change.
+
+use calib_core::Camera;
+use calib_core::floor::Measured;
+use calib_editor::Session;
+use calib_report::measured_text;
+use calib_site::{Measurement, Units};
+
+/// Values of the measurements, kept until a camera or a measurement changes.
+#[derive(Debug, Default)]
+pub(crate) struct ShownMeasurements {
+    inputs: Option<Inputs>,
+    pub(crate) values: Vec<Result<Measured, String>>,
+}
+
+/// Generation of the site, poses of its cameras, and measurements.
+type Inputs = (u64, Vec<Option<Camera>>, Vec<Measurement>);
+
+impl ShownMeasurements {
+    /// Computes the values again if their inputs have changed.
+    pub(crate) fn update(&mut self, session: &Session) {
+        let measurements = &session.site.measurements;
+        let poses: Vec<Option<Camera>> =
+            (0..session.site.cameras.len()).map(|index| session.solved.pose(index).copied()).collect();
+        let generation = session.revision.generation;
+        let is_current = self.inputs.as_ref().is_some_and(|(of_site, of_poses, of_measurements)| {
+            *of_site == generation && *of_poses == poses && of_measurements == measurements
+        });
+        if is_current {
+            return;
+        }
+        let solved = session.solved.write_into(&session.site);
+        let value =
+            |measurement: &Measurement| solved.measure(measurement).map_err(|error| error.to_string());
+        self.values = measurements.iter().map(value).collect();
+        self.inputs = Some((generation, poses, measurements.clone()));
+    }
+
+    /// Returns the value of a measurement as text.
+    pub(crate) fn text(&self, index: usize, measurement: &Measurement, units: Units) -> String {
+        match self.values.get(index) {
+            Some(Ok(found)) => measured_text(measurement.kind, *found, units),
+            Some(Err(why)) => why.clone(),
+            None => String::new(),
+        }
+    }
+}
