@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
 /// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
-const REST: [&str; 97] = [
+const REST: [&str; 95] = [
     // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
@@ -49,9 +49,7 @@ const REST: [&str; 97] = [
     "calib_app::annotate::links",
     "calib_app::annotate::measurements",
     "calib_app::annotate::result::scale_menu",
-    "calib_app::pane::plan",
     "calib_app::plan::coverage",
-    "calib_app::plan::floor",
     "calib_app::plan::north",
     "calib_app::plan::drawing_fields",
     "calib_app::plan::agreement",
@@ -245,14 +243,12 @@ fn is_in_rest(name: &str) -> bool {
     reads || !is_shared && REST.iter().any(|part| mentions(&path, part))
 }
 
-/// Whether the path of a function, or the path of one of its generic arguments, begins with these modules, or is
-/// this function.
+/// Whether the path of a function, or the path of one of its generic arguments, begins with these modules.
 fn mentions(path: &str, modules: &str) -> bool {
     path.match_indices(modules).any(|(at, _)| {
         let is_inner =
             path[..at].ends_with(|before: char| before == ':' || before == '_' || before.is_alphanumeric());
-        let rest = &path[at + modules.len()..];
-        !is_inner && (rest.is_empty() || rest.starts_with("::"))
+        !is_inner && path[at + modules.len()..].starts_with("::")
     })
 }
 
