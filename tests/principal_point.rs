@@ -244,7 +244,7 @@ fn unknown_slope_of_the_ground_is_asked_about() {
     road.cameras[0].height_m = height;
     let square = solve(&road);
     assert!(messages(&square, Code::FloorSlope).is_empty(), "two directions: {:?}", square.warnings);
-    // Only the verticals and one direction are left, as beside a road.
+    // The road scene has verticals and one floor direction.
     road.cameras[0].annotations.truncate(2);
     let open = solve(&road);
     assert!(messages(&open, Code::FloorSlope).len() == 1, "{:?} {:?}", open.warnings, open.sigma);
