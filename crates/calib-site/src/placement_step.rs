@@ -34,7 +34,8 @@ impl Site {
         if !fixed && let Some(placed) = from_control_points(&first, &points, fixed_height) {
             scale_conflict(&first, placed.position.z, fixed_height.is_some(), findings);
             let sigma = entry.sigma_px.unwrap_or(1.0);
-            return (with_placement_covariance(&placed, &points, sigma), Stage::Placed);
+            let is_height_fixed = fixed_height.is_some();
+            return (with_placement_covariance(&placed, &points, sigma, is_height_fixed), Stage::Placed);
         }
         if !fixed && !points.is_empty() {
             findings.push(Finding::TooFewControlPoints { count: points.len() });

@@ -136,6 +136,15 @@ enum Heavy {
         #[arg(long)]
         pictures: Option<PathBuf>,
     },
+    /// Take the pictures of the README and of the guide from the app in Chromium
+    Pictures {
+        /// Folder of the built page
+        #[arg(long, default_value = "target/web")]
+        out: PathBuf,
+        /// Use the existing page without building it
+        #[arg(long)]
+        as_is: bool,
+    },
     /// Print an accuracy table as Markdown
     Accuracy {
         /// Number of scenes of each kind

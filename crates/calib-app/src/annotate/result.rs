@@ -341,9 +341,7 @@ fn view_row(app: &App, ui: &mut Ui, solution: &Solution) {
     let spread = sigma.map(|s| 0.5 * (view(solution.focal_px - s) - view(solution.focal_px + s)).abs());
     let shown = spread.map_or(1, decimals).min(2);
     ui.horizontal(|ui| {
-        // A narrow panel shortens the title.
-        let title = if ui.available_width() < 230.0 { "View" } else { "Horizontal field of view" };
-        cells(ui, title, &number(hfov, shown), spread.map(|s| number(s, shown)), "\u{b0}");
+        cells(ui, "Horizontal view", &number(hfov, shown), spread.map(|s| number(s, shown)), "\u{b0}");
     });
 }
 

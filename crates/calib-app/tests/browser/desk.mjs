@@ -140,8 +140,9 @@ export class Desk {
     return download.suggestedFilename();
   }
 
-  async picture(name) {
-    if (process.env.CALIB_PICTURES) await this.page.screenshot({ path: path.join(process.env.CALIB_PICTURES, `${name}.png`) });
+  /** Saves a screenshot of the page, or of a part of it: x, y, width and height. */
+  async picture(name, clip) {
+    if (process.env.CALIB_PICTURES) await this.page.screenshot({ path: path.join(process.env.CALIB_PICTURES, `${name}.png`), clip });
   }
 
   fine() { assert.deepEqual(this.wrong, [], "errors or requests of the page"); }

@@ -147,19 +147,26 @@ fn square_error(camera: &Camera, points: &[ControlPoint]) -> f64 {
 }
 
 /// Returns the camera with the covariance of its placement by control points. The covariance is propagated
-/// from noise of `sigma` pixels in the points, and from the covariance of roll, pitch and focal length.
+/// from noise of `sigma` pixels in the points, and from the covariance of all other parameters: roll, pitch,
+/// focal length and the parameters of the lens. If `is_height_fixed`, the height has no error.
 ///
-/// With the derivatives `A` of the pixels by position and yaw `q`, and `B` by roll, pitch and focal length
+/// With the derivatives `A` of the pixels by position and yaw `q`, and `B` by the other estimated parameters
 /// `p`, `dq = -(A'A)^-1 A' (B dp + noise)`.
 #[must_use]
-pub fn with_placement_covariance(camera: &Camera, points: &[ControlPoint], sigma: f64) -> Camera {
+pub fn with_placement_covariance(
+    camera: &Camera,
+    points: &[ControlPoint],
+    sigma: f64,
+    is_height_fixed: bool,
+) -> Camera {
     if !camera.covariance.is_known() {
         return *camera;
     }
-    let (q, p) = (
-        [Covariance::X, Covariance::Y, Covariance::Z, Covariance::YAW],
-        [Covariance::PITCH, Covariance::ROLL, Covariance::FOCAL],
-    );
+    let placed = [Covariance::X, Covariance::Y, Covariance::Z, Covariance::YAW];
+    let is_free = |&index: &usize| !(is_height_fixed && index == Covariance::Z);
+    let q: Vec<usize> = placed.into_iter().filter(is_free).collect();
+    let is_estimated = |index: &usize| camera.covariance.sigma(*index).is_some();
+    let p: Vec<usize> = (Covariance::PITCH..Covariance::SIZE).filter(is_estimated).collect();
     let shown: Vec<ControlPoint> =
         points.iter().copied().filter(|point| camera.world_to_pixel(point.world).is_some()).collect();
     let jacobian = |unknowns: &[usize]| {
@@ -170,15 +177,19 @@ pub fn with_placement_covariance(camera: &Camera, points: &[ControlPoint], sigma
     let by_place = jacobian(&q);
     let Some(inverse) = (by_place.transpose() * &by_place).try_inverse() else { return *camera };
     let gain = -(&inverse * by_place.transpose() * jacobian(&p));
-    let known = DMatrix::from_fn(3, 3, |i, j| camera.covariance.0[p[i]][p[j]]);
+    let known = DMatrix::from_fn(p.len(), p.len(), |i, j| camera.covariance.0[p[i]][p[j]]);
     let across = &gain * &known;
     let place = &across * gain.transpose() + inverse * (sigma * sigma);
     let mut covariance = camera.covariance;
-    for i in 0..4 {
-        for j in 0..4 {
+    for index in placed {
+        covariance.0[index] = [0.0; Covariance::SIZE];
+        covariance.0.iter_mut().for_each(|row| row[index] = 0.0);
+    }
+    for i in 0..q.len() {
+        for j in 0..q.len() {
             covariance.0[q[i]][q[j]] = place[(i, j)];
         }
-        for j in 0..3 {
+        for j in 0..p.len() {
             covariance.0[q[i]][p[j]] = across[(i, j)];
             covariance.0[p[j]][q[i]] = across[(i, j)];
         }
@@ -348,24 +359,31 @@ fn refined(start: Camera, points: &[ControlPoint], is_height_fixed: bool) -> Cam
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::any_camera;
+    use crate::camera::{BrownConrady, Distortion, any_camera};
     use proptest::prelude::*;
 
     /// The seed is fixed: a failure that happens by chance for one seed in 100,000 would otherwise soon
     /// occur.
     #[test]
     fn placement_covariance_matches_its_errors() {
-        // Noisy placements of one camera. Each pitch is sampled with its standard deviation.
+        // Noisy placements of one camera. Pitch, principal point and distortion are sampled with their standard
+        // deviations. The position must have the right correlation with them: floor lengths depend on all.
         use rand::{Rng as _, SeedableRng as _};
+        const DRAWS: usize = 20_000;
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(1);
         let mut normal = || (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
+        let lens = |k1: f64, [du, dv]: [f64; 2]| Lens {
+            focal: 1300.0,
+            distortion: Distortion::BrownConrady(BrownConrady { k1, ..BrownConrady::default() }),
+            ..Lens::pinhole(Pixel::new(960.0 + du, 540.0 + dv))
+        };
         let truth = Camera {
             position: WorldPoint::new(5.0, -3.0, 4.0),
             yaw: 0.6,
             pitch: 0.5,
             roll: 0.03,
             focal: 1300.0,
-            lens: Lens::pinhole(Pixel::new(960.0, 540.0)),
+            lens: lens(-0.1, [0.0; 2]),
             covariance: Covariance::EXACT,
         };
         let world: Vec<WorldPoint> = [
@@ -378,31 +396,61 @@ mod tests {
         .iter()
         .map(|&(u, v, h)| truth.pixel_to_floor(Pixel { u, v }, h).unwrap().at_height(h))
         .collect();
-        let sigma_pitch = 0.003;
+        let (sigma_pitch, sigma_centre, sigma_k1) = (0.003, 12.0, 0.01);
         let mut covariance = Covariance::EXACT;
-        covariance.0[Covariance::PITCH][Covariance::PITCH] = sigma_pitch * sigma_pitch;
-        let mut sum = 0.0;
-        const DRAWS: usize = 20_000;
-        for _ in 0..DRAWS {
-            let assumed = Camera { pitch: truth.pitch + sigma_pitch * normal(), covariance, ..truth };
-            let points: Vec<ControlPoint> = world
-                .iter()
-                .map(|&world| {
-                    let p = truth.world_to_pixel(world).unwrap();
-                    ControlPoint { pixel: Pixel { u: p.u + normal(), v: p.v + normal() }, world }
-                })
-                .collect();
-            let found = with_placement_covariance(
-                &from_control_points(&assumed, &points, None).unwrap(),
-                &points,
-                1.0,
-            );
-            sum += ((found.position.z - truth.position.z) / found.covariance.sigma(Covariance::Z).unwrap())
-                .powi(2);
+        for (index, sigma) in [
+            (Covariance::PITCH, sigma_pitch),
+            (Covariance::CENTRE, sigma_centre),
+            (Covariance::CENTRE + 1, sigma_centre),
+            (Covariance::LENS, sigma_k1),
+        ] {
+            covariance.0[index][index] = sigma * sigma;
         }
-        // The mean of 20,000 squared standard normal numbers is one, with a standard deviation of 0.01.
-        let ratio = sum / DRAWS as f64;
-        assert!((ratio - 1.0).abs() < 0.05, "{ratio}");
+        let ends = [Pixel::new(500.0, 600.0), Pixel::new(1400.0, 900.0)];
+        let length = |camera: &Camera| {
+            let [a, b] = ends.map(|pixel| camera.pixel_to_floor(pixel, 0.0).unwrap());
+            a.distance(b)
+        };
+        let length_sigma = |camera: &Camera| {
+            let [a, b] = ends.map(|pixel| camera.pixel_to_floor(pixel, 0.0).unwrap());
+            let along = [(b.x - a.x) / a.distance(b), (b.y - a.y) / a.distance(b)];
+            let [by_a, by_b] = ends.map(|pixel| camera.floor_jacobian(pixel).unwrap());
+            let by = |k: usize| (0..2).map(|i| along[i] * (by_b[k][i] - by_a[k][i])).sum::<f64>();
+            let row =
+                |k: usize| (0..Covariance::SIZE).map(|l| camera.covariance.0[k][l] * by(l)).sum::<f64>();
+            (0..Covariance::SIZE).map(|k| by(k) * row(k)).sum::<f64>().sqrt()
+        };
+        for fixed_height in [None, Some(4.0)] {
+            let (mut height, mut floor_length) = (0.0, 0.0);
+            for _ in 0..DRAWS {
+                let assumed = Camera {
+                    pitch: truth.pitch + sigma_pitch * normal(),
+                    lens: lens(
+                        -0.1 + sigma_k1 * normal(),
+                        [sigma_centre * normal(), sigma_centre * normal()],
+                    ),
+                    covariance,
+                    ..truth
+                };
+                let points: Vec<ControlPoint> = world
+                    .iter()
+                    .map(|&world| {
+                        let p = truth.world_to_pixel(world).unwrap();
+                        ControlPoint { pixel: Pixel { u: p.u + normal(), v: p.v + normal() }, world }
+                    })
+                    .collect();
+                let placed = from_control_points(&assumed, &points, fixed_height).unwrap();
+                let found = with_placement_covariance(&placed, &points, 1.0, fixed_height.is_some());
+                let z = found.covariance.sigma(Covariance::Z);
+                assert_eq!(z.is_some(), fixed_height.is_none());
+                height += z.map_or(1.0, |sigma| ((found.position.z - truth.position.z) / sigma).powi(2));
+                floor_length += ((length(&found) - length(&truth)) / length_sigma(&found)).powi(2);
+            }
+            // The mean of 20,000 squared standard normal numbers is one, with a standard deviation of 0.01.
+            for ratio in [height, floor_length].map(|sum| sum / DRAWS as f64) {
+                assert!((ratio - 1.0).abs() < 0.05, "{ratio} with the height {fixed_height:?}");
+            }
+        }
     }
 
     proptest! {

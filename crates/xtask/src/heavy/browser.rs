@@ -33,6 +33,40 @@ pub(crate) fn chromium() -> anyhow::Result<PathBuf> {
 /// Builds the page into `out` unless `as_is` is set, serves the page, and runs a test script in the browser.
 /// The script may save screenshots to the folder `pictures`.
 pub(crate) fn run(out: &Path, script: &str, pictures: Option<&Path>, as_is: bool) -> anyhow::Result<()> {
+    let mut node = script_command(out, script, pictures, as_is)?;
+    node.env("CALIB", calib()?);
+    if !cfg!(debug_assertions) {
+        node.env("CALIB_NATIVE_MS", native_solve_ms().to_string());
+    } else if let Some(list) = std::env::var_os("CALIB_SKIPPED_LIST") {
+        let mut list = std::fs::OpenOptions::new().append(true).open(list)?;
+        writeln!(list, "SKIPPED solve time in the browser: requires an optimised build")?;
+    }
+    ensure!(node.status()?.success(), "{script} failed");
+    Ok(())
+}
+
+/// Runs a script that takes pictures of the page. The folder `demo` contains the images and the site of the
+/// demonstration.
+pub(crate) fn take_pictures(
+    out: &Path,
+    script: &str,
+    pictures: &Path,
+    demo: &Path,
+    as_is: bool,
+) -> anyhow::Result<()> {
+    let mut node = script_command(out, script, Some(pictures), as_is)?;
+    ensure!(node.env("CALIB_DEMO", demo).status()?.success(), "{script} failed");
+    Ok(())
+}
+
+/// Builds the page into `out` unless `as_is` is set, serves it, and returns the command of a script that opens
+/// it.
+fn script_command(
+    out: &Path,
+    script: &str,
+    pictures: Option<&Path>,
+    as_is: bool,
+) -> anyhow::Result<Command> {
     if !as_is {
         web::run(out, None)?;
     }
@@ -42,21 +76,14 @@ pub(crate) fn run(out: &Path, script: &str, pictures: Option<&Path>, as_is: bool
     std::thread::spawn(move || site.serve());
     let mut node = Command::new("node");
     node.arg(root().join(SCRIPTS_FOLDER).join(script)).arg(&address).arg(out.join("calib.html"));
-    node.env("CALIB_CHROMIUM", browser)
+    node.current_dir(root())
+        .env("CALIB_CHROMIUM", browser)
         .env("CALIB_NODE_MODULES", root().join(NPM_FOLDER).join("node_modules"));
-    node.env("CALIB", calib()?);
-    if !cfg!(debug_assertions) {
-        node.env("CALIB_NATIVE_MS", native_solve_ms().to_string());
-    } else if let Some(list) = std::env::var_os("CALIB_SKIPPED_LIST") {
-        let mut list = std::fs::OpenOptions::new().append(true).open(list)?;
-        writeln!(list, "SKIPPED solve time in the browser: requires an optimised build")?;
-    }
     if let Some(pictures) = pictures {
         std::fs::create_dir_all(pictures)?;
         node.env("CALIB_PICTURES", pictures);
     }
-    ensure!(node.current_dir(root()).status()?.success(), "{script} failed");
-    Ok(())
+    Ok(node)
 }
 
 /// Measures the native solve time of the demonstration's first camera, in milliseconds. The test compares the

@@ -4,9 +4,10 @@
 //! - `accuracy`, `coverage`: accuracy tables on simulated and on real data
 //! - `golden`: points that all language bindings must reproduce bit for bit
 //! - `py`, `c`, `js`: packages for Python, C and JavaScript
-//! - `pictures`, `split`, `web`: the web app
+//! - `demo_images`, `split`, `web`: the web app
 //! - `archives`, `weight`, `bench`, `peers`: benchmarks
 //! - `browser`: tests of the web app in Chromium
+//! - `pictures`: pictures of the README and of the guide
 
 // In dependency order: a module uses only modules listed above it.
 mod product;
@@ -17,13 +18,14 @@ mod archives;
 mod golden;
 mod py;
 mod c;
-mod pictures;
+mod demo_images;
 mod split;
 mod web;
 mod weight;
 mod bench;
 mod peers;
 mod browser;
+mod pictures;
 mod js;
 
 use std::path::PathBuf;
@@ -48,6 +50,7 @@ pub(crate) fn run(command: Heavy) -> anyhow::Result<()> {
             let pictures = pictures.map(|folder| root().join(folder));
             browser::run(&root().join(out), &script, pictures.as_deref(), as_is)
         }
+        Heavy::Pictures { out, as_is } => pictures::run(&root().join(out), as_is),
         Heavy::Js { out, test } => {
             let out = root().join(out);
             js::run(&out)?;

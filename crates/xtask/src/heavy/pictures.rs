@@ -1,36 +1,122 @@
-//! Images of the demonstration that are served with the page. They are rendered at build time, because a
-//! browser needs a minute for it.
+//! `cargo xtask pictures`: the pictures of the README and of the guide, taken from the app in Chromium.
+//!
+//! `pictures.mjs` draws in the page and saves screenshots. The screenshots `moving-*` become the moving picture
+//! of the README. The others become the pictures of the guide.
 
-use image::RgbImage;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::Path;
+
+use anyhow::{Context as _, ensure};
 use image::codecs::jpeg::JpegEncoder;
+use image::{Rgb, RgbImage, Rgba, RgbaImage};
 
-/// JPEG image, and its file name in the demonstration's site.
-pub(crate) struct DemoImage {
-    pub(crate) name: String,
-    pub(crate) jpeg: Vec<u8>,
+use crate::heavy::browser;
+use crate::heavy::demo_images::demo_images;
+use crate::workspace::root;
+
+/// Moving picture of the README.
+const MOVING: &str = ".github/calibration.png";
+/// Folder of the guide's pictures.
+const GUIDE: &str = "docs/src/pictures";
+
+/// Takes all pictures anew. `web` is the folder of the page. The page is built first, unless `as_is` is set.
+pub(crate) fn run(web: &Path, as_is: bool) -> anyhow::Result<()> {
+    let work = root().join("target/pictures");
+    if work.exists() {
+        std::fs::remove_dir_all(&work)?;
+    }
+    let (demo, shots) = (work.join("demo"), work.join("shots"));
+    std::fs::create_dir_all(&demo)?;
+    for image in demo_images()? {
+        std::fs::write(demo.join(image.name), image.jpeg)?;
+    }
+    std::fs::write(demo.join("site.json"), calib_demo::demo_site().site.to_json())?;
+    browser::take_pictures(web, "pictures.mjs", &shots, &demo, as_is)?;
+
+    let mut frames = Vec::new();
+    std::fs::create_dir_all(root().join(GUIDE))?;
+    let mut names: Vec<_> = std::fs::read_dir(&shots)?.collect::<Result<_, _>>()?;
+    names.sort_by_key(std::fs::DirEntry::file_name);
+    for entry in names {
+        let path = entry.path();
+        let name = path.file_stem().context("no name")?.to_string_lossy().into_owned();
+        let picture = image::open(&path)?.to_rgb8();
+        if name.starts_with("moving-") {
+            frames.push(picture);
+        } else {
+            write_jpeg(&picture, &root().join(GUIDE).join(name).with_extension("jpg"))?;
+        }
+    }
+    write_animation(&frames, &root().join(MOVING))
 }
 
-/// Renders every image that the demonstration's site names.
-pub(crate) fn demo_images() -> anyhow::Result<Vec<DemoImage>> {
-    let demo = calib_demo::demo_site();
-    let cameras = demo.truth.iter().zip(&demo.site.cameras);
-    let named =
-        cameras.filter_map(|((_, camera), entry)| Some((entry.image.clone()?, camera, entry.size_px)));
-    let mut pictures: Vec<DemoImage> = named
-        .map(|(name, camera, size)| DemoImage::new(name, &calib_demo::render(camera, size)))
-        .collect::<anyhow::Result<_>>()?;
-    if let Some(name) = demo.site.plan.as_ref().and_then(|plan| plan.image.clone()) {
-        pictures.push(DemoImage::new(name, &demo.plan)?);
-    }
-    Ok(pictures)
+fn write_jpeg(picture: &RgbImage, to: &Path) -> anyhow::Result<()> {
+    /// JPEG quality at which small text has no visible artefacts.
+    const QUALITY: u8 = 88;
+    let mut file = BufWriter::new(File::create(to)?);
+    picture.write_with_encoder(JpegEncoder::new_with_quality(&mut file, QUALITY))?;
+    Ok(())
 }
 
-impl DemoImage {
-    fn new(name: String, image: &RgbImage) -> anyhow::Result<Self> {
-        /// JPEG quality at which edges move by less than 0.1 px.
-        const QUALITY: u8 = 82;
-        let mut jpeg = Vec::new();
-        image.write_with_encoder(JpegEncoder::new_with_quality(&mut jpeg, QUALITY))?;
-        Ok(Self { name, jpeg })
+/// Writes an animated PNG. Each frame after the first contains only the pixels that change.
+fn write_animation(frames: &[RgbImage], to: &Path) -> anyhow::Result<()> {
+    /// Time of one frame and of the last frame, in milliseconds.
+    const DELAYS_MS: [u16; 2] = [800, 4000];
+    let first = frames.first().context("no frames")?;
+    let (width, height) = first.dimensions();
+    ensure!(frames.iter().all(|frame| frame.dimensions() == (width, height)), "frames of different sizes");
+    let mut encoder = png::Encoder::new(BufWriter::new(File::create(to)?), width, height);
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.set_compression(png::Compression::High);
+    encoder.set_animated(u32::try_from(frames.len())?, 0)?;
+    encoder.set_blend_op(png::BlendOp::Over)?;
+    let mut writer = encoder.write_header()?;
+    let mut shown = RgbImage::new(width, height);
+    for (index, frame) in frames.iter().enumerate() {
+        let change = if index == 0 { Change::all(frame) } else { Change::between(&shown, frame) };
+        let delay = DELAYS_MS[usize::from(index + 1 == frames.len())];
+        writer.set_frame_delay(delay, 1000)?;
+        writer.reset_frame_position()?;
+        writer.set_frame_dimension(change.pixels.width(), change.pixels.height())?;
+        writer.set_frame_position(change.at[0], change.at[1])?;
+        writer.write_image_data(&change.pixels)?;
+        shown.clone_from(frame);
     }
+    Ok(writer.finish()?)
+}
+
+/// Rectangle with the changed pixels of a frame. Pixels without a change are transparent.
+struct Change {
+    /// Left and upper border of the rectangle.
+    at: [u32; 2],
+    pixels: RgbaImage,
+}
+
+impl Change {
+    fn all(frame: &RgbImage) -> Self {
+        let pixels = RgbaImage::from_fn(frame.width(), frame.height(), |x, y| opaque(*frame.get_pixel(x, y)));
+        Self { at: [0, 0], pixels }
+    }
+
+    fn between(before: &RgbImage, after: &RgbImage) -> Self {
+        let differs = |x: u32, y: u32| before.get_pixel(x, y) != after.get_pixel(x, y);
+        let (mut low, mut high) = ([u32::MAX; 2], [0, 0]);
+        for (x, y, _) in after.enumerate_pixels().filter(|&(x, y, _)| differs(x, y)) {
+            low = [low[0].min(x), low[1].min(y)];
+            high = [high[0].max(x + 1), high[1].max(y + 1)];
+        }
+        // Without a change, one transparent pixel.
+        let low = low.map(|border| if border == u32::MAX { 0 } else { border });
+        let size = [0, 1].map(|axis| (high[axis] - low[axis].min(high[axis])).max(1));
+        let pixels = RgbaImage::from_fn(size[0], size[1], |x, y| {
+            let (x, y) = (low[0] + x, low[1] + y);
+            if differs(x, y) { opaque(*after.get_pixel(x, y)) } else { Rgba([0; 4]) }
+        });
+        Self { at: low, pixels }
+    }
+}
+
+fn opaque(Rgb([r, g, b]): Rgb<u8>) -> Rgba<u8> {
+    Rgba([r, g, b, 255])
 }

@@ -11,7 +11,7 @@ use flate2::write::GzEncoder;
 use sha2::{Digest as _, Sha256};
 use wasm_bindgen_cli_support::Bindgen;
 
-use crate::heavy::pictures::{DemoImage, demo_images};
+use crate::heavy::demo_images::{DemoImage, demo_images};
 use crate::heavy::split::{Split, without_section};
 use crate::heavy::wasm_build;
 use crate::workspace::root;
