@@ -3,7 +3,7 @@
 use calib_core::Code;
 use calib_core::single::MIN_SLOPE_EFFECT_REL;
 
-use calib_site::{Names, Site, SiteCamera, SiteSolution, Solution, Warning};
+use calib_site::{Site, SiteCamera, SiteSolution, Solution, Warning};
 
 use crate::args::SiteArgs;
 use crate::files;
@@ -11,7 +11,9 @@ use crate::site_file::SiteFile;
 use crate::solve::Format;
 use crate::stop::CommandError;
 use crate::stop::escape_control_characters;
-use calib_report::{centimetres, connectivity_text, planes_text, shortened_list, worst_first};
+use calib_report::{
+    MAX_FLOOR_ERROR_REL, MAX_RMS_PX, centimetres, connectivity_text, planes_text, shortened_list, worst_first,
+};
 
 /// Arguments of `calib check`.
 #[derive(Debug, clap::Args)]
@@ -19,7 +21,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     site: SiteArgs,
     /// Maximum predicted relative error of lengths on the floor: 0.03 is 3 %
-    #[arg(long, value_name = "REL", default_value_t = 0.03)]
+    #[arg(long, value_name = "REL", default_value_t = MAX_FLOOR_ERROR_REL)]
     max_floor_error: f64,
     /// Maximum RMS residual, in pixels [default: 5]
     #[arg(long, value_name = "P")]
@@ -41,10 +43,6 @@ pub(crate) struct Args {
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
 }
-
-/// Default of [`Args::max_rms_px`], in pixels: annotations and edges typically have errors of one or two
-/// pixels.
-const DEFAULT_MAX_RMS_PX: f64 = 5.0;
 
 /// Parses a finding code that can fail the check.
 fn code(text: &str) -> Result<Code, String> {
@@ -244,7 +242,7 @@ fn faults(site: &Site, index: usize, camera: &SiteCamera, args: &Args) -> Vec<Fa
     match (&camera.solution, &camera.error) {
         (Some(solution), _) => {
             let mut faults = over_limit(solution, args);
-            faults.extend(findings(site, index, camera, solution, args));
+            faults.extend(findings(site, index, args));
             faults
         }
         (None, Some(failure)) => {
@@ -254,19 +252,15 @@ fn faults(site: &Site, index: usize, camera: &SiteCamera, args: &Args) -> Vec<Fa
     }
 }
 
-/// Returns the failing findings of a camera: the warnings of its solution, and findings that follow from pose
-/// and annotations only. An imported camera has no others.
-fn findings(site: &Site, index: usize, camera: &SiteCamera, solution: &Solution, args: &Args) -> Vec<Fault> {
-    let mut warnings: Vec<Warning> = solution.warnings.clone();
-    for finding in camera.pose_findings().into_iter().chain(site.points_outside(camera)) {
-        if warnings.iter().all(|warning| warning.code != finding.code()) {
-            warnings.push(site.describe_finding(Some(index), &finding, Names::InFile));
-        }
-    }
+/// Returns the failing findings of a camera.
+fn findings(site: &Site, index: usize, args: &Args) -> Vec<Fault> {
     // An unknown slope does not matter if its errors are accepted.
     let is_accepted = |code: Code| code == Code::FloorSlope && args.max_floor_error >= MIN_SLOPE_EFFECT_REL;
-    let fails = |warning: &&Warning| warning.code.fails_check() && !is_accepted(warning.code);
-    warnings.iter().filter(fails).map(Fault::from).collect()
+    site.failing_warnings(index)
+        .iter()
+        .filter(|warning| !is_accepted(warning.code))
+        .map(Fault::from)
+        .collect()
 }
 
 /// Formats the checked numbers of a camera.
@@ -289,7 +283,7 @@ fn over_limit(solution: &Solution, args: &Args) -> Vec<Fault> {
             solution.draw_next.as_ref().map_or("Draw more lines.", |next| &next.message),
         ));
     }
-    let most = args.max_rms_px.unwrap_or(DEFAULT_MAX_RMS_PX);
+    let most = args.max_rms_px.unwrap_or(MAX_RMS_PX);
     match solution.rms_px {
         Some(rms) if rms > most => faults.push(Fault::from_number(
             format!("RMS residual {rms:.2} px, allowed {most:.2} px"),

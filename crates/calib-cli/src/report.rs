@@ -1,5 +1,7 @@
 //! `calib report`: writes one self-contained HTML page for handover.
 
+use std::time::{SystemTime, UNIX_EPOCH};
+
 use base64::Engine as _;
 use calib_report::{EmbeddedImage, ImageRequest, WalkPage};
 use calib_site::SiteCamera;
@@ -63,7 +65,8 @@ fn page(file: &SiteFile, walk: Option<&WalkPage<'_>>) -> Result<String, CommandE
             Err(String::new())
         }
     };
-    let page = calib_report::page(&file.site, walk, &mut pictures);
+    let created = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+    let page = calib_report::page(&file.site, created, walk, &mut pictures);
     failure.map_or(Ok(page), Err)
 }
 

@@ -10,6 +10,7 @@
 //! - `plan_quality`, `coverage_layer`, `plan_view`: the site from above, with its uncertainties or its
 //!   coverage;
 //! - `site_section`, `planes`, `walk_page`, `coverage_page`: sections of the report;
+//! - `summary`: usability of each camera, for customers;
 //! - `page`: the report of a site; `watch_page`: the report of drift detection.
 
 // A module uses only the modules above it.
@@ -26,6 +27,7 @@ mod site_section;
 mod planes;
 mod walk_page;
 mod coverage_page;
+mod summary;
 mod page;
 mod watch_page;
 
@@ -36,6 +38,7 @@ pub use page::{EmbeddedImage, ImageRequest, ImageSource, coverage_html, page};
 pub use plan_view::{BACKGROUND, PLAN_OPACITY, PlanBackground, coverage_view, plan_view};
 pub use planes::planes_text;
 pub use site_section::{WarningGroup, connectivity_text, group_warnings, worst_first};
+pub use summary::{MAX_FLOOR_ERROR_REL, MAX_RMS_PX};
 pub use svg::{Anchor, Stroke, Svg};
 pub use walk_page::{WalkPage, disagreement_text, zone_name};
 pub use watch_page::{WatchedCamera, watch_page, watch_text};

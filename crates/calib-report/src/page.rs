@@ -14,6 +14,7 @@ use crate::overlay::overlay;
 use crate::plan_view::{BACKGROUND, PLAN_OPACITY, PlanBackground, coverage_view, plan_view};
 use crate::planes::planes_section;
 use crate::site_section::site_section;
+use crate::summary::write_summary;
 use crate::svg::{Svg, escape};
 use crate::walk_page::WalkPage;
 use crate::words::is_lens_estimated;
@@ -40,12 +41,20 @@ pub enum ImageRequest<'a> {
 /// Callback that returns a requested image, or the reason why the image is missing.
 pub type ImageSource<'a> = &'a mut dyn FnMut(ImageRequest<'_>) -> Result<EmbeddedImage, String>;
 
-/// Returns the HTML of the report: summary, site, planes, plan, acceptance walk, then every camera. A missing
-/// image is replaced by the reason why it is missing.
+/// Returns the HTML of the report: summary for customers, numbers of all cameras, site, planes, plan,
+/// acceptance walk, then every camera. A missing image is replaced by the reason why it is missing. `created`
+/// is the time of the report, in seconds since 1970.
 #[must_use]
-pub fn page(site: &Site, walk: Option<&WalkPage<'_>>, pictures: ImageSource<'_>) -> String {
+pub fn page(site: &Site, created: u64, walk: Option<&WalkPage<'_>>, pictures: ImageSource<'_>) -> String {
     let mut html = page_start(site.name.as_deref().unwrap_or("Camera calibration"));
-    write_summary(&mut html, &site.cameras);
+    let _ = writeln!(
+        html,
+        "<p class=dim>Camera calibration{} \u{b7} calib {}</p>",
+        date_text(created),
+        env!("CARGO_PKG_VERSION")
+    );
+    write_summary(&mut html, site);
+    write_numbers(&mut html, &site.cameras);
     site_section(&mut html, site);
     planes_section(&mut html, site);
     write_plan_section(&mut html, site, pictures);
@@ -114,10 +123,18 @@ fn figure(EmbeddedImage { href, size: [w, h] }: &EmbeddedImage, svg: &Svg) -> St
     svg.finish(&format!(r#"<image href="{href}" width="{w}" height="{h}"/>"#))
 }
 
-/// Writes the table with one row for every camera.
-fn write_summary(html: &mut String, cameras: &[SiteCamera]) {
+/// Returns the date of a time in seconds since 1970, in UTC; empty for a time without a calendar date.
+fn date_text(seconds: u64) -> String {
+    let time = i64::try_from(seconds).ok().and_then(|seconds| jiff::Timestamp::from_second(seconds).ok());
+    // The text of a time starts with its date: year, month and day.
+    let date = time.map(|time| time.to_string().chars().take_while(|&c| c != 'T').collect::<String>());
+    date.map_or_else(String::new, |date| format!(" \u{b7} {date}"))
+}
+
+/// Writes the table with the numbers of every camera.
+fn write_numbers(html: &mut String, cameras: &[SiteCamera]) {
     html.push_str(
-        "<table><thead><tr><th>Camera<th>Stage<th class=n>Focal length, px<th class=n>Pitch<th class=n>Roll<th class=n>Yaw\
+        "<h2>Numbers</h2><div class=wide><table><thead><tr><th>Camera<th>Stage<th class=n>Focal length, px<th class=n>Pitch<th class=n>Roll<th class=n>Yaw\
          <th class=n>x, m<th class=n>y, m<th class=n>Height, m<th class=n>Floor scale<th class=n>RMS residual, px</tr></thead><tbody>\n",
     );
     for camera in cameras {
@@ -161,7 +178,7 @@ fn write_summary(html: &mut String, cameras: &[SiteCamera]) {
         }
         html.push_str("</tr>\n");
     }
-    html.push_str("</tbody></table>\n");
+    html.push_str("</tbody></table></div>\n");
 }
 
 /// Returns the name of a calibration stage for the reader of the report.

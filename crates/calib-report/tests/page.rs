@@ -5,6 +5,9 @@
 use calib_report::{EmbeddedImage, ImageRequest, page};
 use calib_site::{Options, Site};
 
+/// Time of the reports: 15 May 2026, in seconds since 1970.
+const CREATED: u64 = 1_778_803_200;
+
 fn solved() -> Site {
     let site = calib_demo::demo_site().site;
     site.calibrate(&Options::default()).write_into(&site)
@@ -23,8 +26,8 @@ fn pictures(shown: ImageRequest<'_>) -> Result<EmbeddedImage, String> {
 #[test]
 fn every_camera_has_its_image_or_the_reason_why_it_is_missing() {
     let site = solved();
-    let html = page(&site, None, &mut pictures);
-    assert_eq!(html, page(&site, None, &mut pictures));
+    let html = page(&site, CREATED, None, &mut pictures);
+    assert_eq!(html, page(&site, CREATED, None, &mut pictures));
     assert!(html.contains(r#"href="data:,plan" width="1200" height="900" opacity="0.55""#));
     for camera in &site.cameras {
         let section = html.split(&format!("<section id=\"{}\">", camera.id)).nth(1).unwrap();
@@ -37,8 +40,28 @@ fn every_camera_has_its_image_or_the_reason_why_it_is_missing() {
 }
 
 #[test]
+fn the_summary_names_unusable_cameras_with_their_reason() {
+    let mut site = solved();
+    let start = |site: &Site| {
+        let html = page(site, CREATED, None, &mut pictures);
+        let (start, _) = html.split_once("<h2>Numbers</h2>").unwrap();
+        start.to_owned()
+    };
+    let good = start(&site);
+    assert!(good.contains("2026-05-15") && good.contains(env!("CARGO_PKG_VERSION")), "{good}");
+    assert!(good.contains(">6 good<") && !good.contains(" check<") && !good.contains(" bad<"), "{good}");
+    // The floor error of the first camera is too large, and the second camera has no result.
+    let sigma = site.cameras[0].solution.as_mut().unwrap().sigma.as_mut().unwrap();
+    sigma.floor_length_rel = Some(0.05);
+    site.cameras[1].solution = None;
+    let found = start(&site);
+    assert!(found.contains("4 good") && found.contains("1 check") && found.contains("1 bad"), "{found}");
+    assert!(found.contains("uncertain by \u{b1} 5.0 %") && found.contains("Not solved."), "{found}");
+}
+
+#[test]
 fn the_page_loads_nothing_and_runs_no_scripts() {
-    let html = page(&solved(), None, &mut pictures);
+    let html = page(&solved(), CREATED, None, &mut pictures);
     assert!(html.contains("default-src 'none'"));
     for fetched in ["src=\"http", "href=\"http", "<script", "<link", "url("] {
         assert!(!html.contains(fetched), "{fetched}");

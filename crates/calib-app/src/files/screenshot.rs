@@ -76,7 +76,7 @@ impl App {
         let session = self.editor.session();
         let site = session.solved.write_into(&session.site);
         let plan = self.plan_picture().filter(|plan| plan.drawing.is_some());
-        let html = page(&site, None, &mut |shown| match (shown, plan) {
+        let html = page(&site, (self.clock)(), None, &mut |shown| match (shown, plan) {
             // Browsers do not show a PDF or DXF as an image.
             (ImageRequest::Plan, Some(plan)) => embedded_pixels(&plan.image),
             _ => picture(session, shown),

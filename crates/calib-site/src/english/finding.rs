@@ -22,6 +22,25 @@ impl Site {
         let message = SentenceContext { site: self, entry, names }.message(finding);
         Warning { code: finding.code(), message, advice: advice(finding) }
     }
+
+    /// Returns the findings of a solved camera that fail `calib check`: the warnings of its solution, and
+    /// findings that follow from pose and annotations only. An imported camera has only the latter.
+    #[must_use]
+    pub fn failing_warnings(&self, index: usize) -> Vec<Warning> {
+        let Some((entry, solution)) =
+            self.cameras.get(index).and_then(|entry| Some((entry, entry.solution.as_ref()?)))
+        else {
+            return Vec::new();
+        };
+        let mut warnings: Vec<Warning> = solution.warnings.clone();
+        for finding in entry.pose_findings().into_iter().chain(self.points_outside(entry)) {
+            if warnings.iter().all(|warning| warning.code != finding.code()) {
+                warnings.push(self.describe_finding(Some(index), &finding, Names::InFile));
+            }
+        }
+        warnings.retain(|warning| warning.code.fails_check());
+        warnings
+    }
 }
 
 /// Message for a camera with an unknown uncertainty.

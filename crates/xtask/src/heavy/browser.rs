@@ -61,12 +61,7 @@ pub(crate) fn take_pictures(
 
 /// Builds the page into `out` unless `as_is` is set, serves it, and returns the command of a script that opens
 /// it.
-fn script_command(
-    out: &Path,
-    script: &str,
-    pictures: Option<&Path>,
-    as_is: bool,
-) -> anyhow::Result<Command> {
+fn script_command(out: &Path, script: &str, pictures: Option<&Path>, as_is: bool) -> anyhow::Result<Command> {
     if !as_is {
         web::run(out, None)?;
     }
