@@ -106,6 +106,12 @@ const CHECKS: &[Check] = &[
         command: &["cargo", "check", "--package", "calib-cli", "--no-default-features"],
         ..PLAIN
     },
+    Check {
+        name: "packages for crates.io",
+        // Without `--no-verify`, every package would be built alone.
+        command: &["cargo", "publish", "--workspace", "--dry-run", "--no-verify", "--allow-dirty", "--quiet"],
+        ..PLAIN
+    },
     // Builds with the features of all packages together; later checks use the result.
     Check {
         name: BUILD,

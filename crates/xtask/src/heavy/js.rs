@@ -68,6 +68,11 @@ pub(crate) fn test(out: &Path, golden: &Path) -> anyhow::Result<()> {
     let mut run = Command::new("node");
     run.arg("target/js-test/package.mjs").arg(out).arg(calib()?).arg(golden).current_dir(root());
     ensure!(run.status()?.success(), "the test of the package failed");
+    let mut pack = Command::new("npm");
+    ensure!(
+        pack.args(["pack", "--dry-run", "--silent"]).current_dir(out).status()?.success(),
+        "npm cannot pack the package"
+    );
     let mut page = Command::new("node");
     page.arg("target/js-test/browser.mjs").arg(out).arg("target/js-test").arg(golden).current_dir(root());
     page.env("CALIB_CHROMIUM", browser::chromium()?).env("CALIB_NODE_MODULES", tools);
