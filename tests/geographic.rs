@@ -77,6 +77,75 @@ fn geographic_points_alone_solve_a_camera_on_the_map() {
     assert_eq!((georeference.x_axis_azimuth_deg, georeference.sigma.east_m), (90.0, 0.0));
 }
 
+/// Adds crosses whose map coordinates have this error, in metres, and their clicks in the camera.
+fn add_marks(random: &mut ChaCha8Rng, document: &mut Value, sigma: f64) {
+    let (camera, plane) = (above(8.0), TangentPlane::new(origin(), 90_f64.to_radians()));
+    let mut marks = Vec::new();
+    for (index, [x, y]) in [[4.0, 9.0], [12.0, 9.0], [3.0, 22.0], [13.0, 20.0]].into_iter().enumerate() {
+        let mut error = || sigma * normal(random);
+        let at = WorldPoint { x: x + error(), y: y + error(), z: 0.0 };
+        let Geographic { latitude, longitude, .. } = plane.to_geographic(at);
+        let seen = ["centre", "x", "y"].iter().zip([[0.0, 0.0], [0.6, 0.0], [0.0, 0.6]]);
+        let seen = seen.map(|(point, [dx, dy])| {
+            let px = camera.world_to_pixel(WorldPoint { x: x + dx, y: y + dy, z: 0.0 }).unwrap();
+            json!({"camera": "a", "point": point, "px": [px.u, px.v]})
+        });
+        marks.push(json!({"id": format!("m{index}"), "kind": "cross", "size_m": [0.6], "sigma_m": sigma.max(0.01),
+            "lat_deg": latitude.to_degrees(), "lon_deg": longitude.to_degrees(), "seen": seen.collect::<Vec<_>>()}));
+    }
+    document["marks"] = json!(marks);
+}
+
+#[test]
+fn marks_with_map_coordinates_are_measurements() {
+    let mut random = ChaCha8Rng::seed_from_u64(12);
+    let x_sigma = |site: &Site| {
+        let solved = site.calibrate(&Options::default()).write_into(site);
+        let sigma = solved.cameras[0].solution.as_ref().unwrap().sigma.clone().unwrap();
+        (solved, sigma.x_m.unwrap())
+    };
+    let mut document = site(&mut random, 0.5, false);
+    let (_, without) = x_sigma(&Site::from_json(&document.to_string()).unwrap());
+    add_marks(&mut random, &mut document, 0.02);
+    let site = Site::from_json(&document.to_string()).unwrap();
+    // The position of a mark in the site follows from its coordinates on the map.
+    for mark in &site.marks {
+        let at = site.tangent_plane().unwrap().to_geographic(mark.at_m);
+        assert!((at.latitude.to_degrees() - mark.lat_deg.unwrap()).abs() < 1e-8, "{at:?}");
+        assert!((at.longitude.to_degrees() - mark.lon_deg.unwrap()).abs() < 1e-8, "{at:?}");
+    }
+    // They are better than the control points, so the position of the camera is better known, and right.
+    let (solved, with) = x_sigma(&site);
+    assert!(with < 0.5 * without, "{with} with marks, {without} without");
+    let at = TangentPlane::new(origin(), 90_f64.to_radians()).to_world(
+        solved
+            .tangent_plane()
+            .unwrap()
+            .to_geographic(solved.cameras[0].solution.as_ref().unwrap().position_m.unwrap()),
+    );
+    let expected = above(8.0).position;
+    assert!((at.x - expected.x).abs() < 4.0 * with, "{at:?} is not {expected:?} within {with}");
+    // A mark is near its measured position, and a wrong one is rejected.
+    let moved = |solved: &Site, index: usize| {
+        let mark = &solved.marks[index];
+        mark.solution.as_ref().unwrap().at_m.distance(mark.at_m)
+    };
+    assert!((0..4).all(|index| moved(&solved, index) < 0.1));
+    document["marks"][1]["lon_deg"] = json!(document["marks"][1]["lon_deg"].as_f64().unwrap() + 4e-5);
+    let (wrong, _) = x_sigma(&Site::from_json(&document.to_string()).unwrap());
+    let residuals = &wrong.marks[1].solution.as_ref().unwrap().residuals;
+    assert!(residuals.iter().any(|residual| residual.outlier), "{residuals:?}");
+    // Marks alone define the coordinate system, too; a plan without a place on the map does not.
+    document["cameras"][0]["control_points"] = json!([]);
+    assert!(Site::from_json(&document.to_string()).unwrap().georeference().is_some());
+    document["plan"] = json!({"metres_per_px": 0.05});
+    let refused = Site::from_json(&document.to_string()).unwrap_err().to_string();
+    assert!(refused.contains("marks") && refused.contains("georeference"), "{refused}");
+    document["marks"] = json!([{"id": "m", "kind": "cross", "size_m": [0.6]}]);
+    let refused = Site::from_json(&document.to_string()).unwrap_err().to_string();
+    assert!(refused.contains("no position") && refused.contains("at_m"), "{refused}");
+}
+
 #[test]
 fn switching_a_point_off_keeps_the_coordinate_system() {
     let mut random = ChaCha8Rng::seed_from_u64(8);

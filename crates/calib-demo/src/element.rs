@@ -206,14 +206,7 @@ fn mark(id: &str, name: &str, kind: MarkKind, [x, y]: [f64; 2], turn_deg: f64, s
     Mark {
         id: Some(id.into()),
         name: Some(name.into()),
-        off: false,
-        keep: false,
-        kind,
-        at_m: WorldPoint { x, y, z: 0.0 },
         turn_deg,
-        size_m: size.to_vec(),
-        fixed: false,
-        seen: Vec::new(),
-        solution: None,
+        ..Mark::new(kind, WorldPoint { x, y, z: 0.0 }, size.to_vec())
     }
 }

@@ -222,19 +222,7 @@ fn marks_behind_a_camera_are_not_on_its_image() {
 }
 
 fn any_mark(kind: MarkKind) -> calib_site::Mark {
-    calib_site::Mark {
-        id: None,
-        name: None,
-        off: false,
-        keep: false,
-        kind,
-        at_m: WorldPoint::new(0.0, 0.0, 0.0),
-        turn_deg: 0.0,
-        size_m: vec![1.0; kind.size_names().len()],
-        fixed: false,
-        seen: Vec::new(),
-        solution: None,
-    }
+    calib_site::Mark::new(kind, WorldPoint::default(), vec![1.0; kind.size_names().len()])
 }
 
 #[test]

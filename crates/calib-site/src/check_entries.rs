@@ -87,7 +87,7 @@ pub(crate) fn check_elements(root: &At, site: &Site) -> Checked {
     }
     count(&root.key("marks"), site.marks.len(), MAX_ITEMS)?;
     for (i, mark) in site.marks.iter().enumerate() {
-        check_mark(&root.key("marks").index(i), mark, &cameras)?;
+        check_mark(&root.key("marks").index(i), mark, &cameras, site)?;
     }
     // Distances refer to links and marks by id, so these ids must be unique together.
     let links = site.links.iter().enumerate().map(|(i, link)| ("links", i, link.id.as_ref()));
@@ -252,10 +252,17 @@ fn check_link(at: &At, link: &Link, cameras: &HashSet<&str>, site: &Site) -> Che
 }
 
 /// Checks one mark: names, numbers, dimensions and observations of its named points.
-fn check_mark(at: &At, mark: &Mark, cameras: &HashSet<&str>) -> Checked {
+fn check_mark(at: &At, mark: &Mark, cameras: &HashSet<&str>, site: &Site) -> Checked {
     id(&at.key("id"), mark.id.as_ref())?;
     name(&at.key("name"), mark.name.as_ref())?;
-    Bounds::COORDINATE.check_all(&at.key("at_m"), &<[f64; 3]>::from(mark.at_m))?;
+    let position = SurveyedPosition::of_mark(mark);
+    check_geographic(at, &position, false, site)?;
+    if mark.at_m.x.is_nan() && !position.is_entered() {
+        return at.expected("no position", "\"at_m\", or \"lat_deg\" and \"lon_deg\", or \"crs_m\"");
+    }
+    if !position.is_entered() {
+        Bounds::COORDINATE.check_all(&at.key("at_m"), &<[f64; 3]>::from(mark.at_m))?;
+    }
     Bounds::DEGREES.check(&at.key("turn_deg"), mark.turn_deg)?;
     let names = mark.kind.size_names();
     let size = at.key("size_m");

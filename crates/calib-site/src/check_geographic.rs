@@ -1,5 +1,5 @@
 //! Checks of geographic coordinates: the coordinate system of the site, and the surveyed positions of control
-//! points and links.
+//! points, links and marks.
 
 use std::collections::HashSet;
 
@@ -11,7 +11,7 @@ use crate::document::Site;
 use crate::geographic::{MAX_DISTANCE_M, SurveyedPosition};
 use crate::site_error::quoted;
 
-/// Largest number of control points and links with geographic coordinates. The
+/// Largest number of control points, links and marks with geographic coordinates. The
 /// georeference is computed again for each of them.
 const MAX_GEOGRAPHIC_POINTS: usize = 500;
 
@@ -22,9 +22,9 @@ pub(crate) fn check_coordinate_system(root: &At, site: &Site) -> Checked {
     {
         return root.key("crs").expected(quoted(name), error);
     }
-    let count = site.surveyed_positions();
+    let count = site.surveyed_count();
     if count > MAX_GEOGRAPHIC_POINTS {
-        let found = format!("{count} control points and links with geographic coordinates");
+        let found = format!("{count} control points, links and marks with geographic coordinates");
         return root.key("cameras").expected(found, format!("at most {MAX_GEOGRAPHIC_POINTS}"));
     }
     Ok(())
@@ -63,7 +63,7 @@ pub(crate) fn check_ground_points(root: &At, site: &Site) -> Checked {
     Ok(())
 }
 
-/// Checks the surveyed position of a control point or link.
+/// Checks the surveyed position of a control point, link or mark.
 pub(crate) fn check_geographic(
     at: &At,
     position: &SurveyedPosition,

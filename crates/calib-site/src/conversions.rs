@@ -5,7 +5,7 @@ use calib_core::camera::{
     Camera, Coefficient, Covariance, Distortion, DistortionModel, FloorPoint, ImageCircle, Lens, Pixel,
     PlanScale, Plane, WorldPoint,
 };
-use calib_core::floor::{ControlPoint, MarkShape, Placement, Surface, default_efov, efov_on_floor};
+use calib_core::floor::{ControlPoint, MarkKind, MarkShape, Placement, Surface, default_efov, efov_on_floor};
 use calib_core::single::{FixedParameters, PlanePrior, PrincipalPointPrior, Prior, Priors, SceneErrors};
 
 use crate::document::{ControlPointEntry, FixedEntry, GroundPoint, Link, Mark, PlacementEntry};
@@ -153,6 +153,36 @@ impl Mark {
             None => (self.at_m, self.turn_deg),
         };
         self.shape_at(at, turn_deg)
+    }
+
+    /// Creates a mark without observations at a world position. The sizes are in metres; their number and order
+    /// depend on the kind.
+    #[must_use]
+    pub const fn new(kind: MarkKind, at_m: WorldPoint, size_m: Vec<f64>) -> Self {
+        Self {
+            id: None,
+            name: None,
+            off: false,
+            keep: false,
+            kind,
+            at_m,
+            lat_deg: None,
+            lon_deg: None,
+            crs_m: None,
+            alt_m: None,
+            sigma_m: None,
+            turn_deg: 0.0,
+            size_m,
+            fixed: false,
+            seen: Vec::new(),
+            solution: None,
+        }
+    }
+
+    /// Removes the geographic coordinates of the mark. The mark keeps its position in the site.
+    pub const fn forget_survey(&mut self) {
+        (self.lat_deg, self.lon_deg, self.crs_m) = (None, None, None);
+        (self.alt_m, self.sigma_m) = (None, None);
     }
 
     /// Returns the shape of the mark at a position, with a rotation in degrees.

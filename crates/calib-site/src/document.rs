@@ -20,6 +20,11 @@ use crate::solution::{DistortionEntry, FailureEntry, Solution, document};
 use crate::survey_entries::{Area, Measurement, WallEntry};
 use crate::units::Units;
 
+/// Position of a mark whose file has none.
+const fn no_position() -> WorldPoint {
+    WorldPoint { x: f64::NAN, y: f64::NAN, z: f64::NAN }
+}
+
 /// Size of a plan pixel that a file does not state: not a number. The check of the site refuses it.
 const fn not_stated() -> f64 {
     f64::NAN
@@ -115,8 +120,26 @@ document! {
         keep: bool,
         /// Kind of shape; it defines the dimensions in `size_m` and the names of the points.
         kind: MarkKind,
-        /// World position of the foot or centre, in metres.
+        /// World position of the foot or centre, in metres. With geographic coordinates it follows from them.
+        #[serde(default = "no_position")]
         at_m: WorldPoint,
+        /// WGS84 latitude of the foot or centre, in degrees.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        lat_deg: Option<f64>,
+        /// WGS84 longitude of the foot or centre, in degrees.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        lon_deg: Option<f64>,
+        /// East and north of the foot or centre in the grid `crs` of the site, instead of `lat_deg` and `lon_deg`,
+        /// in the unit of the grid (usually metres).
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        crs_m: Option<[f64; 2]>,
+        /// Height of the foot or centre above the WGS84 ellipsoid, in metres. It is not the height above sea level.
+        /// If absent, a mark with geographic coordinates stands on the floor.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        alt_m: Option<f64>,
+        /// Standard deviation of the geographic coordinates, in metres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        sigma_m: Option<f64>,
         /// Rotation about the vertical axis, counter-clockwise, in degrees.
         #[serde(default)]
         turn_deg: f64,
@@ -594,6 +617,10 @@ impl Site {
         let scale = schema.pointer_mut("/$defs/Plan/properties/metres_per_px");
         if let Some(scale) = scale.and_then(serde_json::Value::as_object_mut) {
             scale.remove("default");
+        }
+        let position = schema.pointer_mut("/$defs/Mark/properties/at_m");
+        if let Some(position) = position.and_then(serde_json::Value::as_object_mut) {
+            position.remove("default");
         }
         schema
     }

@@ -14,7 +14,7 @@ use calib_core::floor::{Geographic, GeographicPair, GeoreferenceFit, TangentPlan
 use calib_core::{FloorPoint, WorldPoint};
 
 use crate::coordinate_system::CoordinateSystem;
-use crate::document::{ControlPointEntry, Georeference, GroundPoint, Link, Site};
+use crate::document::{ControlPointEntry, Georeference, GroundPoint, Link, Mark, Site};
 use crate::site_solution::{GeoreferenceSigmas, GeoreferenceSolution};
 
 /// Largest distance of a point or image on the map from the site, in metres.
@@ -130,7 +130,7 @@ impl Georeference {
     }
 }
 
-/// Surveyed position: the geographic coordinates of a control point or of a link, as entered.
+/// Surveyed position: the geographic coordinates of a control point, link or mark, as entered.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SurveyedPosition {
     pub(crate) lat_deg: Option<f64>,
@@ -139,7 +139,7 @@ pub(crate) struct SurveyedPosition {
     pub(crate) alt_m: Option<f64>,
     pub(crate) height_m: Option<f64>,
     pub(crate) sigma_m: Option<f64>,
-    /// Whether the control point or link is switched off.
+    /// Whether the control point, link or mark is switched off.
     pub(crate) off: bool,
 }
 
@@ -168,6 +168,12 @@ impl SurveyedPosition {
     pub(crate) const fn of_link(link: &Link) -> Self {
         let Link { lat_deg, lon_deg, crs_m, alt_m, height_m, sigma_m, off, .. } = *link;
         Self { lat_deg, lon_deg, crs_m, alt_m, height_m, sigma_m, off }
+    }
+
+    /// Returns the entered position of a mark.
+    pub(crate) const fn of_mark(mark: &Mark) -> Self {
+        let Mark { lat_deg, lon_deg, crs_m, alt_m, sigma_m, off, .. } = *mark;
+        Self { lat_deg, lon_deg, crs_m, alt_m, height_m: None, sigma_m, off }
     }
 
     /// Whether geographic coordinates are entered, even incomplete ones.
@@ -260,26 +266,42 @@ impl Site {
         Some(WorldPoint { z: if position.alt_m.is_some() { world.z } else { height }, ..world })
     }
 
-    /// Returns the number of control points and links with geographic coordinates.
-    pub(crate) fn surveyed_positions(&self) -> usize {
-        let points = self.cameras.iter().flat_map(|camera| &camera.control_points);
-        let of_points = points.filter(|point| SurveyedPosition::of_control_point(point).is_entered());
-        of_points.count()
-            + self.links.iter().filter(|link| SurveyedPosition::of_link(link).is_entered()).count()
+    /// Returns the number of control points, links and marks with geographic coordinates.
+    pub(crate) fn surveyed_count(&self) -> usize {
+        self.surveyed_positions().count()
     }
 
-    /// Returns the control points and links with geographic coordinates. Points that are switched off are included,
-    /// so that switching a point off does not move the coordinate system.
-    fn surveyed_points(&self) -> impl Iterator<Item = SurveyedPoint> {
-        let system = self.coordinate_system();
+    /// Returns the geographic coordinates of control points, links and marks, as entered. A control point is
+    /// returned, too.
+    fn surveyed_positions(&self) -> impl Iterator<Item = (SurveyedPosition, Option<&ControlPointEntry>)> {
         let points = self.cameras.iter().flat_map(|camera| &camera.control_points);
         let points = points.map(|point| (SurveyedPosition::of_control_point(point), Some(point)));
         let links = self.links.iter().map(|link| (SurveyedPosition::of_link(link), None));
+        let marks = self.marks.iter().map(|mark| (SurveyedPosition::of_mark(mark), None));
+        points.chain(links).chain(marks).filter(|(entered, _)| entered.is_entered())
+    }
+
+    /// Returns the control points, links and marks with geographic coordinates. Points that are switched off are
+    /// included, so that switching a point off does not move the coordinate system.
+    fn surveyed_points(&self) -> impl Iterator<Item = SurveyedPoint> {
+        let system = self.coordinate_system();
         // Most sites have no such points, and the filter comes first, because every gesture calls this.
-        points.chain(links).filter(|(entered, _)| entered.is_entered()).filter_map(move |(entered, point)| {
+        self.surveyed_positions().filter_map(move |(entered, point)| {
             let world = point.and_then(|point| point.site_coordinates(self));
             Some(SurveyedPoint { entered, geographic: entered.geographic(system.as_ref())?, world })
         })
+    }
+
+    /// Moves every mark with geographic coordinates to its position in the site. Returns the index of a mark whose
+    /// position is unknown, because the site has no georeference.
+    pub(crate) fn place_surveyed_marks(&mut self) -> Result<(), usize> {
+        for index in 0..self.marks.len() {
+            let position = SurveyedPosition::of_mark(&self.marks[index]);
+            if position.is_entered() {
+                self.marks[index].at_m = self.world_of_survey(&position).ok_or(index)?;
+            }
+        }
+        Ok(())
     }
 
     /// Returns the georeference that follows from control points and links; `None` if it is entered, or
@@ -314,7 +336,10 @@ impl Site {
     pub(crate) fn has_site_coordinates(&self) -> bool {
         let has_coordinates = |point: &ControlPointEntry| point.world_m.is_some() || point.plan_px.is_some();
         self.plan.is_some()
-            || self.marks.iter().any(|mark| mark.fixed && !mark.off)
+            || self
+                .marks
+                .iter()
+                .any(|mark| mark.fixed && !mark.off && !SurveyedPosition::of_mark(mark).is_entered())
             || self.cameras.iter().any(|camera| {
                 camera.placement.as_ref().is_some_and(|placement| placement.fixed)
                     || camera.control_points.iter().any(has_coordinates)

@@ -61,7 +61,7 @@ impl Site {
     /// Returns the georeference from the control points with coordinates on the map, and findings about them.
     /// `solved` returns the site with its solved cameras.
     pub(crate) fn solve_georeference(&self, solved: impl FnOnce() -> Self) -> MapResult {
-        if self.entered_georeference().is_some() || self.surveyed_positions() == 0 {
+        if self.entered_georeference().is_some() || self.surveyed_count() == 0 {
             return MapResult::default();
         }
         if let Some(known) = self.georeference_of_points() {

@@ -93,8 +93,9 @@ impl Site {
             }),
         );
         let marks = self.marks.iter().enumerate().filter(|(_, mark)| !mark.seen.is_empty());
-        landmarks
-            .extend(marks.map(|(i, mark)| (LandmarkSource::Mark(i), mark_landmark(mark, &camera, &noise))));
+        landmarks.extend(
+            marks.map(|(i, mark)| (LandmarkSource::Mark(i), self.mark_landmark(mark, &camera, &noise))),
+        );
         let measurements = self.distances_between(&landmarks);
         let is_used = |index: &usize| measurements.iter().any(|(measurement, _)| measurement == index);
         let distances =
@@ -137,6 +138,21 @@ impl Site {
         let measured = Landmark::measured(at, Some(sigma), landmark.observations);
         let measured = if link.alt_m.is_none() { with_exact_height(measured) } else { measured };
         Landmark { keep: link.keep, off: link.off, ..measured }
+    }
+
+    /// Returns the landmark of a mark. The geographic coordinates of a mark are measurements of its position.
+    fn mark_landmark(&self, mark: &Mark, camera: &dyn Fn(&str) -> Option<usize>, noise: &[f64]) -> Landmark {
+        let landmark = mark_landmark(mark, camera, noise);
+        let at = self.world_of_survey(&SurveyedPosition::of_mark(mark));
+        let Some((WorldPoint { x, y, .. }, sigma)) = at.zip(mark.sigma_m) else { return landmark };
+        let [_, _, turn] = landmark.params;
+        let priors = [x, y].map(|value| Prior { value, sigma }).into_iter().enumerate();
+        let is_free = landmark.free[0];
+        Landmark {
+            params: [x, y, turn],
+            priors: if is_free { priors.collect() } else { Vec::new() },
+            ..landmark
+        }
     }
 
     /// Removes a camera's only control point, which does not determine the yaw. It is kept if the camera is

@@ -29,19 +29,8 @@ fn default_size_m(kind: MarkKind) -> Vec<f64> {
 
 /// Adds a mark of this kind at a floor point in metres, and returns its index.
 fn add_mark(site: &mut Site, kind: MarkKind, at: [f64; 2]) -> usize {
-    site.marks.push(Mark {
-        id: Some(edit::free_id(site, 'M')),
-        name: None,
-        off: false,
-        keep: false,
-        kind,
-        at_m: WorldPoint::new(at[0], at[1], 0.0),
-        turn_deg: 0.0,
-        size_m: default_size_m(kind),
-        fixed: false,
-        seen: Vec::new(),
-        solution: None,
-    });
+    let id = Some(edit::free_id(site, 'M'));
+    site.marks.push(Mark { id, ..Mark::new(kind, WorldPoint::new(at[0], at[1], 0.0), default_size_m(kind)) });
     site.marks.len() - 1
 }
 
@@ -188,6 +177,7 @@ impl MarkDrag {
         let under = pointer.floor(session, self.height);
         let snaps = session.tool.snap && pointer.pane == Pane::Plan;
         let Some(mark) = session.site.marks.get_mut(self.mark) else { return };
+        mark.forget_survey();
         if let Some(z) = raised {
             mark.at_m.z = z;
         } else if let Some(under) = under {
