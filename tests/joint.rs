@@ -397,16 +397,9 @@ fn marks_determine_cameras_and_the_scale() {
         }
         marks.site.marks.push(Mark {
             id: Some("box".into()),
-            name: None,
-            off: false,
-            keep: false,
-            kind: MarkKind::Box,
-            at_m: WorldPoint::new(0.0, 0.0, 0.0),
             turn_deg: 10.0,
-            size_m: shape.size.clone(),
-            fixed: false,
             seen: seen_of_box,
-            solution: None,
+            ..Mark::new(MarkKind::Box, WorldPoint::default(), shape.size.clone())
         });
         let scale = &mut marks.site.cameras[0].placement.as_mut().unwrap().scale;
         *scale = scale.map(|scale| 1.2 * scale);

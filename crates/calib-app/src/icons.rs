@@ -45,6 +45,8 @@ impl From<calib_editor::Icon> for Icon {
             Tool::Mark => Self::Box,
             Tool::Measure => Self::Measure,
             Tool::Region => Self::Region,
+            Tool::Area => Self::Area,
+            Tool::Wall => Self::Wall,
         }
     }
 }
@@ -76,6 +78,10 @@ icons! {
     Measure = [Line(&[[2.0, 10.5], [10.5, 2.0], [14.0, 5.5], [5.5, 14.0], [2.0, 10.5]]), Line(&[[5.0, 7.5], [6.8, 9.3]]), Line(&[[7.5, 5.0], [9.3, 6.8]])],
     /// A ramp over the floor.
     Region = [Line(&[[2.0, 12.5], [14.0, 12.5]]), Line(&[[2.0, 12.5], [9.5, 5.0], [14.0, 5.0], [14.0, 12.5]]), Dot([9.5, 5.0], 1.2)],
+    /// A hatched polygon.
+    Area = [Line(&[[3.0, 5.0], [10.0, 2.5], [13.5, 8.0], [9.0, 13.5], [3.0, 11.0], [3.0, 5.0]]), Line(&[[4.0, 10.0], [9.0, 5.0]]), Line(&[[7.0, 11.5], [11.5, 7.0]])],
+    /// Bricks.
+    Wall = [Line(&[[2.0, 4.0], [14.0, 4.0], [14.0, 12.0], [2.0, 12.0], [2.0, 4.0]]), Line(&[[2.0, 8.0], [14.0, 8.0]]), Line(&[[8.0, 4.0], [8.0, 8.0]]), Line(&[[5.0, 8.0], [5.0, 12.0]]), Line(&[[11.0, 8.0], [11.0, 12.0]])],
     /// Two crossed lines.
     Cross = [Line(&[[8.0, 2.5], [8.0, 13.5]]), Line(&[[2.5, 8.0], [13.5, 8.0]])],
     /// A vertical post on the floor.

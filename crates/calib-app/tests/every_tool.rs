@@ -5,7 +5,6 @@
 mod desk;
 
 use calib_app::command::{self, Command};
-use calib_app::keys;
 use calib_app::state::Mode;
 use calib_core::single::Shape;
 use calib_core::{Kind, Pixel};
@@ -19,7 +18,7 @@ use egui_kittest::kittest::Queryable as _;
 fn draw(desk: &mut Desk, tool: usize) {
     let row = &TOOLS[tool];
     let image = Pane::Image(0);
-    desk.key(keys::key(row.key));
+    desk.take_tool(tool);
     let many = row.title == "Field of view" || row.kind.is_some_and(|k| k.row().shape == Shape::Polyline);
     match row.title {
         "Select" => {
@@ -54,6 +53,13 @@ fn draw(desk: &mut Desk, tool: usize) {
             }
             desk.key(Key::Enter);
         }
+        "Area of interest" | "Wall" => {
+            desk.key(Key::Num2);
+            for at in [[10.0, 5.0], [14.0, 5.0], [14.0, 9.0]] {
+                desk.click(Pane::Plan, at);
+            }
+            desk.key(Key::Enter);
+        }
         "Link" | "Mark" => desk.click(image, [900.0, 800.0]),
         _ if many => {
             for at in [[300.0, 900.0], [1500.0, 950.0], [1300.0, 600.0], [500.0, 600.0]] {
@@ -84,11 +90,9 @@ fn every_tool_draws_undoes_and_redoes() {
 
 #[test]
 fn annotations_are_edited_and_deleted() {
-    for (tool, row) in TOOLS
-        .iter()
-        .enumerate()
-        .filter(|(_, row)| !["Select", "Measure", "Region of a plane"].contains(&row.title))
-    {
+    for (tool, row) in TOOLS.iter().enumerate().filter(|(_, row)| {
+        !["Select", "Measure", "Region of a plane", "Area of interest", "Wall"].contains(&row.title)
+    }) {
         let mut desk = Desk::new(demo());
         let before = desk.site().clone();
         draw(&mut desk, tool);

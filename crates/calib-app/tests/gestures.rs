@@ -4,7 +4,6 @@
 
 mod desk;
 
-use calib_app::keys;
 use calib_app::state::Place;
 use calib_core::single::Shape;
 use calib_core::{FloorPoint, Kind, MarkKind, Pixel, WorldPoint};
@@ -462,8 +461,8 @@ fn random_gesture(desk: &mut Desk, random: &mut Random) {
     ];
     match random.next(10) {
         0 => {
-            let tool = keys::key(TOOLS[random.next(TOOLS.len())].key);
-            desk.key(tool);
+            let tool = random.next(TOOLS.len());
+            desk.take_tool(tool);
         }
         1 | 2 => {
             let key = KEYS[random.next(KEYS.len())];

@@ -726,3 +726,45 @@ fn plan_shows_the_pixel_density_of_the_cameras() {
     desk.tell(Command::Coverage);
     assert!(!has(&desk, "recognise, from 125 px/m"));
 }
+
+#[test]
+fn areas_and_walls_are_drawn_listed_and_removed() {
+    let mut desk = Desk::new(demo());
+    desk.key(Key::Num2);
+    let has = |desk: &Desk, text: &str| desk.words().iter().any(|word| word.contains(text));
+    assert!(!has(&desk, "Areas and walls"));
+    desk.take("Area of interest");
+    desk.harness.run_steps(2);
+    assert!(has(&desk, "Areas and walls"), "the tool shows the coverage");
+    let corners = [[10.0, 5.0], [16.0, 5.0], [16.0, 9.0], [10.0, 9.0]];
+    for at in corners {
+        desk.click(Pane::Plan, at);
+    }
+    // The last corner is removed and drawn again. A click on the first corner closes the area.
+    desk.key(Key::Backspace);
+    desk.click(Pane::Plan, corners[3]);
+    desk.click(Pane::Plan, corners[0]);
+    let area = desk.site().areas[0].clone();
+    assert_eq!((area.id.as_str(), area.polygon_m.len()), ("area-1", 4));
+    for (at, expected) in area.polygon_m.iter().zip(corners) {
+        assert!(at.distance(expected.into()) < 0.1, "{at:?}");
+    }
+    desk.take("Wall");
+    for at in corners {
+        desk.click(Pane::Plan, at);
+    }
+    desk.key(Key::Enter);
+    assert_eq!(desk.site().walls.len(), 3);
+    assert!(has(&desk, "Wall 3") && has(&desk, "area-1"));
+    desk.undo();
+    assert!(desk.site().walls.is_empty() && desk.site().areas.len() == 1, "all walls are one step");
+    desk.redo();
+    desk.harness.run_steps(2);
+    desk.harness.get_by_label("Remove wall 2").click_accesskit();
+    desk.harness.run_steps(3);
+    desk.harness.get_by_label("Remove area-1").click_accesskit();
+    desk.harness.run_steps(3);
+    assert!(desk.site().areas.is_empty() && desk.site().walls.len() == 2);
+    desk.undo();
+    assert_eq!(desk.site().areas, [area]);
+}

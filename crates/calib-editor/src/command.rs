@@ -268,7 +268,7 @@ pub fn all() -> impl Iterator<Item = Row> {
         command: Command::Tool(index),
         text: tool.title,
         needs: Needs::Nothing,
-        keys: Some(Shortcut { modifiers: NONE, key: tool.key }),
+        keys: tool.key.map(|key| Shortcut { modifiers: NONE, key }),
     });
     COMMANDS.iter().copied().chain(tools)
 }

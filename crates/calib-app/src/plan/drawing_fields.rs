@@ -15,7 +15,7 @@ const UNITS: [(&str, f64); 5] =
     [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0), ("inches", 0.0254), ("feet", 0.3048)];
 
 /// Titles of the tools whose clicks on the plan snap to corners of the drawing.
-const SNAPPING_TOOLS: [&str; 2] = ["Control point", "Measure"];
+const SNAPPING_TOOLS: [&str; 4] = ["Control point", "Measure", "Area of interest", "Wall"];
 
 /// Shows the fields of a drawing; returns the name of the change, for the history. Not inlined: the page loads it
 /// with its second part.

@@ -7,6 +7,7 @@ pub(crate) mod drawing_fields;
 pub mod placement;
 pub mod agreement;
 pub(crate) mod planes;
+pub(crate) mod survey;
 pub(crate) mod distances;
 pub(crate) mod ground_points;
 pub(crate) mod north;

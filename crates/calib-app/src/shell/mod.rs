@@ -14,7 +14,7 @@ use egui::{CentralPanel, Frame, Margin, Panel, ScrollArea, Ui};
 
 use crate::annotate::{annotations, lens, links, measurements, result, steps};
 use crate::files::{outside, start};
-use crate::plan::{agreement, distances, ground_points, placement, planes};
+use crate::plan::{agreement, distances, ground_points, placement, planes, survey};
 use crate::state::{App, Mode};
 use crate::widgets::{NARROW, PHONE, section};
 use crate::{compare, export, propose, theme};
@@ -159,6 +159,9 @@ fn right(app: &mut App, ui: &mut Ui) {
                 });
             }
             Mode::Plan => {
+                if app.view.coverage {
+                    section(ui, |ui| survey::survey_ui(app, ui));
+                }
                 section(ui, |ui| {
                     placement::placement_ui(app, ui);
                     links::far_apart(app, ui);

@@ -249,10 +249,10 @@ pub(crate) fn toolstrip_ui(app: &mut App, ui: &mut Ui) {
                 ..Look::default()
             };
             let label = format!("{} tool", row.title);
-            let tip = format!("{}  ({})", row.title, row.key.name());
+            let key = row.key.map_or("", calib_editor::Key::name);
+            let tip = if key.is_empty() { row.title.into() } else { format!("{}  ({key})", row.title) };
             let response = icons::button(ui, row.icon.into(), &label, &tip, look);
             let corner = response.rect.right_bottom() - Vec2::new(2.0, 1.0);
-            let key = row.key.name();
             ui.painter().text(corner, Align2::RIGHT_BOTTOM, key, theme::regular(10.0), palette.text3);
             if response.clicked() {
                 chosen = Some(index);

@@ -114,8 +114,16 @@ impl Desk {
 
     /// Selects the tool with a title by its key.
     pub(crate) fn take(&mut self, title: &str) {
-        let row = TOOLS.iter().find(|tool| tool.title == title).expect("a tool of this title");
-        self.key(keys::key(row.key));
+        let index = TOOLS.iter().position(|tool| tool.title == title).expect("a tool of this title");
+        self.take_tool(index);
+    }
+
+    /// Selects a tool by its key, or by its command if it has no key.
+    pub(crate) fn take_tool(&mut self, index: usize) {
+        match TOOLS[index].key {
+            Some(key) => self.key(keys::key(key)),
+            None => self.tell(Command::Tool(index)),
+        }
     }
 
     /// Returns the screen position of a point in a pane.

@@ -3,7 +3,7 @@
 //! - `segment`, `polyline`: lines, straight edges and the field of view.
 //! - `place`, `mark`: drags of cameras and marks. `select`: selection and drags of parts.
 //! - `link`, `control`: links between views, and control points.
-//! - `measure`: scale of the plan, and regions of planes.
+//! - `measure`: measurements, scale of the plan, and regions of planes. `survey`: walls and areas of interest.
 
 mod segment;
 mod polyline;
@@ -13,6 +13,7 @@ mod select;
 mod link;
 mod control;
 mod measure;
+mod survey;
 
 use std::sync::Arc;
 
@@ -180,6 +181,8 @@ pub enum Icon {
     Mark,
     Measure,
     Region,
+    Area,
+    Wall,
 }
 
 /// Entry of the list of tools.
@@ -187,8 +190,8 @@ pub enum Icon {
 pub struct ToolRow {
     /// Title of the tool in the app.
     pub title: &'static str,
-    /// Key that selects the tool.
-    pub key: Key,
+    /// Key that selects the tool, if it has one.
+    pub key: Option<Key>,
     /// Icon of the tool.
     pub icon: Icon,
     /// Kind of annotation that the tool draws, if any.
@@ -201,7 +204,14 @@ impl ToolRow {
     /// Whether the tool acts on the plan. Otherwise, a drag on the plan moves the handles of cameras.
     #[must_use]
     pub fn acts_on_plan(&self) -> bool {
-        matches!(self.icon, Icon::Select | Icon::Control | Icon::Mark | Icon::Measure | Icon::Region)
+        self.draws_survey()
+            || matches!(self.icon, Icon::Select | Icon::Control | Icon::Mark | Icon::Measure | Icon::Region)
+    }
+
+    /// Whether the tool draws walls or areas of interest, which the coverage shows.
+    #[must_use]
+    pub const fn draws_survey(&self) -> bool {
+        matches!(self.icon, Icon::Area | Icon::Wall)
     }
 }
 
@@ -209,7 +219,7 @@ impl ToolRow {
 pub const TOOLS: &[ToolRow] = &[
     ToolRow {
         title: "Select",
-        key: Key::Q,
+        key: Some(Key::Q),
         icon: Icon::Select,
         kind: None,
         make: || Box::new(select::Select::default()),
@@ -225,51 +235,71 @@ pub const TOOLS: &[ToolRow] = &[
     line(Kind::Upright, Key::U, Icon::Upright, || Box::new(segment::Segment::new(Kind::Upright))),
     ToolRow {
         title: "Field of view",
-        key: Key::F,
+        key: Some(Key::F),
         icon: Icon::Field,
         kind: None,
         make: || Box::new(polyline::Polyline::field()),
     },
     ToolRow {
         title: "Control point",
-        key: Key::C,
+        key: Some(Key::C),
         icon: Icon::Control,
         kind: None,
         make: || Box::new(control::Control::default()),
     },
     ToolRow {
         title: "Link",
-        key: Key::K,
+        key: Some(Key::K),
         icon: Icon::Link,
         kind: None,
         make: || Box::new(link::Linking::default()),
     },
     ToolRow {
         title: "Mark",
-        key: Key::M,
+        key: Some(Key::M),
         icon: Icon::Mark,
         kind: None,
         make: || Box::new(mark::Marking::default()),
     },
     ToolRow {
         title: "Measure",
-        key: Key::A,
+        key: Some(Key::A),
         icon: Icon::Measure,
         kind: None,
         make: || Box::new(measure::Measure::default()),
     },
     ToolRow {
         title: "Region of a plane",
-        key: Key::O,
+        key: Some(Key::O),
         icon: Icon::Region,
         kind: None,
         make: || Box::new(measure::Region::default()),
+    },
+    ToolRow {
+        title: "Area of interest",
+        key: None,
+        icon: Icon::Area,
+        kind: None,
+        make: || Box::new(survey::Survey::area()),
+    },
+    ToolRow {
+        title: "Wall",
+        key: None,
+        icon: Icon::Wall,
+        kind: None,
+        make: || Box::new(survey::Survey::walls()),
     },
 ];
 
 /// Creates the list entry of a tool that draws annotations of this kind.
 const fn line(kind: Kind, key: Key, icon: Icon, make: fn() -> Box<dyn Tool>) -> ToolRow {
-    ToolRow { title: calib_core::single::KINDS[kind as usize].title, key, icon, kind: Some(kind), make }
+    ToolRow {
+        title: calib_core::single::KINDS[kind as usize].title,
+        key: Some(key),
+        icon,
+        kind: Some(kind),
+        make,
+    }
 }
 
 /// Returns the index of the tool with this title in [`TOOLS`]; 0 if there is none.

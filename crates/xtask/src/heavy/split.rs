@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
 /// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
-const REST: [&str; 95] = [
+const REST: [&str; 96] = [
     // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
@@ -50,6 +50,7 @@ const REST: [&str; 95] = [
     "calib_app::annotate::measurements",
     "calib_app::annotate::result::scale_menu",
     "calib_app::plan::coverage",
+    "calib_app::plan::survey",
     "calib_app::plan::north",
     "calib_app::plan::drawing_fields",
     "calib_app::plan::agreement",
