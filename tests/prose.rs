@@ -251,8 +251,9 @@ fn anchor(heading: &str) -> String {
 fn links_of_the_guide_have_targets() {
     let blocks = Regex::new("(?s)```.*?```").unwrap();
     let read = |path: &Path| blocks.replace_all(&std::fs::read_to_string(path).unwrap(), "").into_owned();
+    let files = std::fs::read_dir(root().join("docs/src")).unwrap().map(|entry| entry.unwrap().path());
     let mut pages: Vec<PathBuf> =
-        std::fs::read_dir(root().join("docs/src")).unwrap().map(|entry| entry.unwrap().path()).collect();
+        files.filter(|path| path.extension().is_some_and(|extension| extension == "md")).collect();
     let others = ["README.md", "CONTRIBUTING.md", "crates/README.md", "crates/calib-formats/README.md"];
     pages.extend(others.map(|name| root().join(name)));
     let link = Regex::new(r"\]\(([^)\s]+)\)").unwrap();

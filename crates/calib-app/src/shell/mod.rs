@@ -159,9 +159,7 @@ fn right(app: &mut App, ui: &mut Ui) {
                 });
             }
             Mode::Plan => {
-                if app.view.coverage {
-                    section(ui, |ui| survey::survey_ui(app, ui));
-                }
+                surveyed(app, ui);
                 section(ui, |ui| {
                     placement::placement_ui(app, ui);
                     links::far_apart(app, ui);
@@ -187,6 +185,13 @@ fn right(app: &mut App, ui: &mut Ui) {
             }
         }
     });
+}
+
+/// Shows areas of interest and walls while the coverage is shown.
+fn surveyed(app: &mut App, ui: &mut Ui) {
+    if app.view.coverage {
+        section(ui, |ui| survey::survey_ui(app, ui));
+    }
 }
 
 /// Shows the measurements, if the site has any.

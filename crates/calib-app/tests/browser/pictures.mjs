@@ -67,7 +67,7 @@ async function moving() {
 async function views() {
   const desk = await Desk.open(browser, `${address}?test=1`, { size: [1280, 760] });
   await desk.page.waitForTimeout(600);
-  await desk.picture("start");
+  await desk.picture("start", { x: 240, y: 110, width: 800, height: 490 });
   await desk.press("Open the demonstration site");
   await desk.until("the demonstration", (state) => state.site.cameras?.length === model.cameras.length);
   await desk.settled();
