@@ -9,7 +9,7 @@
 //! - `overlay`: overlay of a camera's image;
 //! - `plan_quality`, `coverage_layer`, `plan_view`: the site from above, with its uncertainties or its
 //!   coverage;
-//! - `site_section`, `planes`, `walk_page`, `coverage_page`: sections of the report;
+//! - `site_section`, `planes`, `walk_page`, `coverage_page`, `measurement_section`: sections of the report;
 //! - `summary`: usability of each camera, for customers;
 //! - `page`: the report of a site; `watch_page`: the report of drift detection.
 
@@ -27,12 +27,14 @@ mod site_section;
 mod planes;
 mod walk_page;
 mod coverage_page;
+mod measurement_section;
 mod summary;
 mod page;
 mod watch_page;
 
 pub use coverage_layer::{level_colour, level_text, levels};
 pub use coverage_page::CoveragePage;
+pub use measurement_section::measurement_name;
 pub use overlay::overlay;
 pub use page::{EmbeddedImage, ImageRequest, ImageSource, coverage_html, page};
 pub use plan_view::{BACKGROUND, PLAN_OPACITY, PlanBackground, coverage_view, plan_view};

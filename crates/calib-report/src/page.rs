@@ -10,6 +10,7 @@ use calib_site::{CoverageOptions, Sigmas, Site, SiteCamera, Solution, Stage};
 
 use crate::coverage_page::CoveragePage;
 use crate::frame::{PAGE_END, page_start};
+use crate::measurement_section::measurement_section;
 use crate::overlay::overlay;
 use crate::plan_view::{BACKGROUND, PLAN_OPACITY, PlanBackground, coverage_view, plan_view};
 use crate::planes::planes_section;
@@ -42,7 +43,7 @@ pub enum ImageRequest<'a> {
 pub type ImageSource<'a> = &'a mut dyn FnMut(ImageRequest<'_>) -> Result<EmbeddedImage, String>;
 
 /// Returns the HTML of the report: summary for customers, numbers of all cameras, site, planes, plan,
-/// acceptance walk, then every camera. A missing image is replaced by the reason why it is missing. `created`
+/// acceptance walk, measurements, then every camera. A missing image is replaced by the reason why it is missing. `created`
 /// is the time of the report, in seconds since 1970.
 #[must_use]
 pub fn page(site: &Site, created: u64, walk: Option<&WalkPage<'_>>, pictures: ImageSource<'_>) -> String {
@@ -61,6 +62,7 @@ pub fn page(site: &Site, created: u64, walk: Option<&WalkPage<'_>>, pictures: Im
     if let Some(walk) = walk {
         walk.section(&mut html);
     }
+    measurement_section(&mut html, site);
     for camera in &site.cameras {
         write_section(&mut html, site, camera, pictures);
     }

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
 use calib_report::{EmbeddedImage, ImageRequest, page};
-use calib_site::{Options, Site};
+use calib_site::{Measurement, MeasurementKind, MeasurementPoint, Options, Site};
 
 /// Time of the reports: 15 May 2026, in seconds since 1970.
 const CREATED: u64 = 1_778_803_200;
@@ -57,6 +57,29 @@ fn the_summary_names_unusable_cameras_with_their_reason() {
     let found = start(&site);
     assert!(found.contains("4 good") && found.contains("1 check") && found.contains("1 bad"), "{found}");
     assert!(found.contains("uncertain by \u{b1} 5.0 %") && found.contains("Not solved."), "{found}");
+}
+
+#[test]
+fn measurements_are_listed_with_their_values() {
+    let mut site = solved();
+    assert!(!page(&site, CREATED, None, &mut pictures).contains("<h2>Measurements</h2>"));
+    let id = site.cameras[0].id.clone();
+    let points = [[800.0, 800.0], [1200.0, 820.0]].map(|px| MeasurementPoint::new(id.clone(), px.into()));
+    let length = Measurement { id: None, name: None, kind: MeasurementKind::Length, points: points.to_vec() };
+    let value = site.measure(&length).unwrap().value;
+    let sky = MeasurementPoint::new(id, [800.0, -4000.0].into());
+    let above = Measurement { points: vec![points[0].clone(), sky], ..length.clone() };
+    site.measurements = vec![length, above];
+    let html = page(&site, CREATED, None, &mut pictures);
+    let (_, section) = html.split_once("<h2>Measurements</h2>").unwrap();
+    let (section, _) = section.split_once("</table>").unwrap();
+    assert!(
+        section.contains("length 1") && section.contains(&format!("<td class=why>{value:.1}")),
+        "{section}"
+    );
+    // A measurement without a value has the reason.
+    let why = site.measure(&site.measurements[1]).unwrap_err().to_string();
+    assert!(section.contains("length 2") && section.contains(&why[..20]), "{section}");
 }
 
 #[test]

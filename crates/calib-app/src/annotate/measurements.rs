@@ -3,6 +3,7 @@
 use calib_core::{Kind, Pixel};
 use calib_editor::Action;
 use calib_editor::edit::add_line;
+use calib_report::measurement_name;
 use calib_site::{Measurement, MeasurementKind};
 use egui::{Align2, Painter, RichText, Ui, Vec2};
 
@@ -55,16 +56,10 @@ pub(crate) fn measurements_ui(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// Returns the name of a measurement, such as "length 2".
-fn name_of(index: usize, measurement: &Measurement) -> String {
-    let name = measurement.name.clone().or_else(|| measurement.id.clone());
-    name.unwrap_or_else(|| format!("{} {}", measurement.kind.name(), index + 1))
-}
-
 /// Shows a measurement with its value, and buttons to copy, to use and to remove it.
 fn row(app: &mut App, ui: &mut Ui, index: usize, measurement: &Measurement) {
     let palette = theme::palette(ui.ctx());
-    let name = name_of(index, measurement);
+    let name = measurement_name(index, measurement);
     let units = app.editor.site().units;
     let Some(shown) = &app.measurements else { return };
     let text = shown.text(index, measurement, units);

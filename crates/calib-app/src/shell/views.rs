@@ -218,7 +218,10 @@ fn all_cameras(app: &mut App, ui: &mut Ui, rect: Rect) {
                 ui.allocate_exact_size(Vec2::new(rect.width(), size.y * rows as f32), Sense::hover());
             for index in 0..count {
                 let cell = Vec2::new((index % columns) as f32 * size.x, (index / columns) as f32 * size.y);
-                let tile = Rect::from_min_size(area.min + cell, size).shrink(0.5);
+                // The plan, which comes last, fills its row.
+                let span = if index + 1 == count { columns - index % columns } else { 1 };
+                let own = Vec2::new(size.x * span as f32, size.y);
+                let tile = Rect::from_min_size(area.min + cell, own).shrink(0.5);
                 if !ui.is_rect_visible(tile) {
                     continue;
                 }
