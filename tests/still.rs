@@ -70,6 +70,53 @@ fn a_snapshot_stays_as_the_camera_sent_it() {
 }
 
 #[test]
+fn all_cameras_of_a_list_are_written() {
+    let (address, requests) = camera(|path, authorization| match (path, authorization) {
+        ("/a", _) => response("200 OK", "", &jpeg()),
+        ("/b", Some("Basic YWRtaW46c2VjcmV0")) => response("200 OK", "", &jpeg()),
+        ("/b", _) => response("401 Unauthorized", "WWW-Authenticate: Basic realm=\"camera\"\r\n", b""),
+        _ => response("404 Not Found", "", b""),
+    });
+    let scratch = Scratch::new();
+    std::fs::create_dir(scratch.path("lists")).unwrap();
+    std::fs::write(scratch.path("lists/b.txt"), "admin\nsecret\n").unwrap();
+    let list = |cameras: &[[&str; 2]]| {
+        let entry = |&[id, rest]: &[&str; 2]| {
+            let (path, more) = rest.split_once(' ').unwrap_or((rest, ""));
+            format!("[[cameras]]\nid = \"{id}\"\naddress = \"http://{address}/{path}\"\n{more}\n")
+        };
+        std::fs::write(scratch.path("lists/cameras.toml"), cameras.iter().map(entry).collect::<String>())
+            .unwrap();
+    };
+    let still = ["still", "--all", "lists/cameras.toml", "-o", "today"];
+    list(&[["a", "a"], ["b", "b credentials = \"b.txt\""]]);
+    let run = scratch.calib(&still).expect_code(0);
+    assert!(run.stderr.contains("2 of 2 snapshots") && !run.stderr.contains("secret"), "{}", run.stderr);
+    for id in ["a", "b"] {
+        assert_eq!(std::fs::read(scratch.path(&format!("today/{id}.jpg"))).unwrap(), jpeg());
+    }
+    assert_eq!(requests.try_iter().filter(|(path, _)| path == "/b").count(), 2);
+    // A camera that fails is named, and the others are written.
+    list(&[["missing", "none"], ["c", "a"]]);
+    let run = scratch.calib(&still).expect_code(1);
+    assert!(run.stderr.contains("missing: ") && run.stderr.contains("404"), "{}", run.stderr);
+    assert!(scratch.path("today/c.jpg").exists() && !scratch.path("today/missing.jpg").exists());
+    // Ids become file names, and files are not replaced silently.
+    let run = scratch.calib(&still).expect_code(1);
+    assert!(run.stderr.contains("--force"), "{}", run.stderr);
+    for (id, words) in [("../x", "name of a file"), ("", "empty")] {
+        list(&[[id, "a"]]);
+        let run = scratch.calib(&still).expect_code(3);
+        assert!(run.stderr.contains(words), "{}", run.stderr);
+    }
+    list(&[["a", "a"], ["A", "a"]]);
+    assert!(scratch.calib(&still).expect_code(3).stderr.contains("listed twice"));
+    list(&[["a", "a password = \"hidden\""]]);
+    let run = scratch.calib(&still).expect_code(3);
+    assert!(run.stderr.contains("line 4") && !run.stderr.contains("hidden"), "{}", run.stderr);
+}
+
+#[test]
 fn basic_and_digest_authentication_are_answered_and_never_printed() {
     let basic = "WWW-Authenticate: Basic realm=\"camera\"\r\n";
     let digest = "WWW-Authenticate: Digest realm=\"camera\", qop=\"auth\", nonce=\"abc\", algorithm=MD5\r\n";

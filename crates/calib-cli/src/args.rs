@@ -128,6 +128,18 @@ impl OutputArgs {
         path.with_file_name(format!("{stem}-{name}{extension}")).to_string_lossy().into_owned()
     }
 
+    /// Returns the path of a file in the output folder.
+    #[cfg(feature = "stills")]
+    pub(crate) fn path_in(&self, name: &str) -> String {
+        Path::new(&self.output).join(name).to_string_lossy().into_owned()
+    }
+
+    /// Creates the output folder, if it does not exist.
+    #[cfg(feature = "stills")]
+    pub(crate) fn create_folder(&self) -> Result<(), CommandError> {
+        std::fs::create_dir_all(&self.output).map_err(|error| CommandError::invalid(&self.output, error))
+    }
+
     /// Refuses an existing file at `path`, one of several output files.
     pub(crate) fn check_path_free(&self, path: &str) -> Result<(), CommandError> {
         files::check_free(path, self.force)

@@ -49,6 +49,8 @@ mod plan;
 #[cfg(feature = "stills")]
 mod snapshot;
 #[cfg(feature = "stills")]
+mod snapshot_list;
+#[cfg(feature = "stills")]
 mod still;
 #[cfg(feature = "archives")]
 mod watch;

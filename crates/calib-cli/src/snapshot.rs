@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use digest_auth::AuthContext;
+use image::RgbImage;
 use ureq::http::{Response, StatusCode, Uri};
 use ureq::{Agent, Body};
 
@@ -23,12 +24,12 @@ const MAX_BYTES: u64 = 64 << 20;
 const MAX_REDIRECTS: usize = 3;
 
 /// Arguments for the address of a camera.
-#[derive(Debug, clap::Args)]
+#[derive(Clone, Debug, clap::Args)]
 pub(crate) struct SnapshotArgs {
     /// File with the user's name in its first line, and the password in its second; otherwise the environment
     /// variables `CALIB_CAMERA_USER` and `CALIB_CAMERA_PASSWORD`
     #[arg(long, value_name = "FILE")]
-    credentials: Option<PathBuf>,
+    pub(crate) credentials: Option<PathBuf>,
     /// Longest time for a snapshot, in seconds
     #[arg(long, value_name = "S", default_value = "15", value_parser = clap::value_parser!(u64).range(1..=600))]
     timeout: u64,
@@ -50,6 +51,18 @@ pub(crate) fn is_address(source: &str) -> bool {
 
 /// Writes the snapshot of an address.
 pub(crate) fn run(address: &str, args: &SnapshotArgs, output: &OutputArgs) -> Result<(), CommandError> {
+    let (bytes, image) = read(address, args)?;
+    // A JPEG stays as the camera sent it.
+    if output.is_jpeg() && is_jpeg(&bytes) { output.write(&bytes) } else { output.write_image(&image) }
+}
+
+/// Whether these bytes are a JPEG image.
+pub(crate) fn is_jpeg(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"\xff\xd8")
+}
+
+/// Reads the snapshot of an address: the file, and its image.
+pub(crate) fn read(address: &str, args: &SnapshotArgs) -> Result<(Vec<u8>, RgbImage), CommandError> {
     let (address, in_address) = without_credentials(address);
     let credentials = match in_address {
         Some(credentials) => Some(credentials),
@@ -65,12 +78,7 @@ pub(crate) fn run(address: &str, args: &SnapshotArgs, output: &OutputArgs) -> Re
     let image = calib_input::decode(&bytes).map_err(|error| {
         invalid(&address, format!("gave {} bytes that are not an image: {error}", bytes.len()))
     })?;
-    // A JPEG stays as the camera sent it.
-    if output.is_jpeg() && bytes.starts_with(b"\xff\xd8") {
-        output.write(&bytes)
-    } else {
-        output.write_image(&image)
-    }
+    Ok((bytes, image))
 }
 
 fn invalid(address: &str, what: impl std::fmt::Display) -> CommandError {

@@ -1,8 +1,8 @@
-//! `calib still`: writes a still image from a video file, or a snapshot from the address of a camera.
+//! `calib still`: writes a still image from a video file, or snapshots from the addresses of cameras.
 
 use std::fs::File;
 use std::io::BufReader;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use calib_video::{Video, VideoError, is_video};
 use image::RgbImage;
@@ -11,14 +11,18 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::args::OutputArgs;
 use crate::files::print_message;
 use crate::snapshot::{self, SnapshotArgs};
+use crate::snapshot_list;
 use crate::stop::CommandError;
 
 /// Arguments of `calib still`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Video file (MP4, MOV, MKV, AVI; H.264, H.265, motion JPEG), or http(s) address of a snapshot
-    #[arg(value_name = "VIDEO|URL")]
-    source: String,
+    #[arg(value_name = "VIDEO|URL", required_unless_present = "all")]
+    source: Option<String>,
+    /// List of cameras (TOML with id and address); writes ID.jpg of each camera into the output folder
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["source", "at", "median"])]
+    all: Option<PathBuf>,
     /// Time of the frame: seconds, MM:SS or HH:MM:SS, from the start of the video; default: the first frame
     #[arg(long, value_name = "TIME", value_parser = seconds, conflicts_with = "median")]
     at: Option<f64>,
@@ -33,15 +37,19 @@ pub(crate) struct Args {
 
 /// Writes the still image.
 pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
+    if let Some(list) = &args.all {
+        return snapshot_list::run(list, &args.snapshot, &args.output);
+    }
     args.output.check_free()?;
-    if snapshot::is_address(&args.source) {
+    let source = args.source.as_deref().unwrap_or_default();
+    if snapshot::is_address(source) {
         if args.at.is_some() || args.median.is_some() {
             let what = "--at and --median are for video files; the address of a camera gives one image";
             return Err(CommandError::Usage(what.into()));
         }
-        return snapshot::run(&args.source, &args.snapshot, &args.output);
+        return snapshot::run(source, &args.snapshot, &args.output);
     }
-    let path = Path::new(&args.source);
+    let path = Path::new(source);
     let invalid = |error: VideoError| CommandError::invalid(path.display(), error);
     let file = File::open(path).map_err(|error| invalid(error.into()))?;
     let mut video = Video::open(BufReader::new(file)).map_err(|error| match error {

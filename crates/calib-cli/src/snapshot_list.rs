@@ -1,0 +1,130 @@
+//! Snapshots of all cameras of a list: a TOML file with an id and an address for each camera.
+//!
+//! ```toml
+//! [[cameras]]
+//! id = "shop-1"
+//! address = "http://10.0.0.21/snapshot.jpg"
+//! credentials = "shop-1.txt"
+//! ```
+
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use serde::Deserialize;
+
+use crate::args::OutputArgs;
+use crate::files::print_message;
+use crate::picture;
+use crate::snapshot::{self, SnapshotArgs};
+use crate::stop::CommandError;
+
+/// Largest size of the list, in bytes.
+const MAX_BYTES: u64 = 1 << 20;
+/// Number of cameras that are read at the same time. Cameras answer slowly, and snapshots are small.
+const MAX_PARALLEL: usize = 8;
+
+/// List of cameras.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CameraList {
+    cameras: Vec<ListedCamera>,
+}
+
+/// Camera of the list.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ListedCamera {
+    /// Id of the camera in the site file, and the name of its image.
+    id: String,
+    /// Address of its snapshot.
+    address: String,
+    /// File with its name and password, relative to the list.
+    credentials: Option<PathBuf>,
+}
+
+impl ListedCamera {
+    /// Returns the reason why the id is not the name of a file.
+    fn fault(&self) -> Option<&'static str> {
+        let is_path = self.id.contains(['/', '\\', ':']) || self.id.starts_with('.');
+        match () {
+            () if self.id.trim().is_empty() => Some("the id is empty"),
+            () if is_path || self.id.chars().any(char::is_control) => {
+                Some("the id is not usable as the name of a file")
+            }
+            () if !snapshot::is_address(&self.address) => {
+                Some("the address is incomplete, expected http://\u{2026} or https://\u{2026}")
+            }
+            () => None,
+        }
+    }
+
+    /// Writes the snapshot into the output folder.
+    fn write(&self, list: &Path, args: &SnapshotArgs, output: &OutputArgs) -> Result<(), CommandError> {
+        let own = self.credentials.as_ref().map(|file| list.with_file_name("").join(file));
+        let args = SnapshotArgs { credentials: own.or_else(|| args.credentials.clone()), ..args.clone() };
+        let (bytes, image) = snapshot::read(&self.address, &args)?;
+        // A JPEG stays as the camera sent it.
+        let is_jpeg = snapshot::is_jpeg(&bytes);
+        let path = output.path_in(&format!("{}.{}", self.id, if is_jpeg { "jpg" } else { "png" }));
+        let bytes = if is_jpeg { bytes } else { picture::encode(&image, &path)? };
+        output.write_to(&path, &bytes)
+    }
+}
+
+/// Writes a snapshot of every camera into the output folder. A camera that fails does not stop the others.
+pub(crate) fn run(list: &Path, args: &SnapshotArgs, output: &OutputArgs) -> Result<(), CommandError> {
+    let cameras = read_list(list)?;
+    output.create_folder()?;
+    let (next, failures) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
+    std::thread::scope(|scope| {
+        for _ in 0..MAX_PARALLEL.min(cameras.len()) {
+            scope.spawn(|| {
+                while let Some(camera) = cameras.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    if let Err(error) = camera.write(list, args, output) {
+                        print_message(format_args!("calib: {}: {error}", camera.id));
+                        if let Ok(mut failures) = failures.lock() {
+                            failures.push(camera.id.as_str());
+                        }
+                    }
+                }
+            });
+        }
+    });
+    let failures = failures.into_inner().unwrap_or_default();
+    let count = cameras.len();
+    print_message(format_args!("calib: {} of {count} snapshots written", count - failures.len()));
+    if failures.is_empty() {
+        Ok(())
+    } else {
+        Err(CommandError::Failed(anyhow::anyhow!("no snapshot of {}", failures.join(", "))))
+    }
+}
+
+/// Reads and checks the list.
+fn read_list(path: &Path) -> Result<Vec<ListedCamera>, CommandError> {
+    let invalid = |what: String| CommandError::invalid(path.display(), what);
+    let bytes = calib_input::read(path, MAX_BYTES).map_err(|error| invalid(error.to_string()))?;
+    let text = String::from_utf8(bytes).map_err(|_| invalid("is not a text file in UTF-8".into()))?;
+    let list: CameraList = toml::from_str(&text).map_err(|error| {
+        // The text of the line is not printed, because it may contain a password.
+        let start = error.span().map_or(0, |span| span.start);
+        let line = 1 + text.bytes().take(start).filter(|&byte| byte == b'\n').count();
+        let expected = "expected [[cameras]] with id, address and optional credentials";
+        invalid(format!("line {line}: {}; {expected}", error.message()))
+    })?;
+    let mut ids = HashSet::new();
+    for camera in &list.cameras {
+        if let Some(fault) = camera.fault() {
+            return Err(invalid(format!("camera {:?}: {fault}", camera.id)));
+        }
+        if !ids.insert(camera.id.to_lowercase()) {
+            return Err(invalid(format!("camera {:?} is listed twice", camera.id)));
+        }
+    }
+    if list.cameras.is_empty() {
+        return Err(invalid("contains no cameras".into()));
+    }
+    Ok(list.cameras)
+}
