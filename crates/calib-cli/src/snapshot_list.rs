@@ -63,7 +63,8 @@ impl ListedCamera {
     /// Writes the snapshot into the output folder.
     fn write(&self, list: &Path, args: &SnapshotArgs, output: &OutputArgs) -> Result<(), CommandError> {
         let own = self.credentials.as_ref().map(|file| list.with_file_name("").join(file));
-        let args = SnapshotArgs { credentials: own.or_else(|| args.credentials.clone()), ..args.clone() };
+        let mut args = args.clone();
+        args.credentials = own.or(args.credentials);
         let (bytes, image) = snapshot::read(&self.address, &args)?;
         // A JPEG stays as the camera sent it.
         let is_jpeg = snapshot::is_jpeg(&bytes);
@@ -83,7 +84,8 @@ pub(crate) fn run(list: &Path, args: &SnapshotArgs, output: &OutputArgs) -> Resu
             scope.spawn(|| {
                 while let Some(camera) = cameras.get(next.fetch_add(1, Ordering::Relaxed)) {
                     if let Err(error) = camera.write(list, args, output) {
-                        print_message(format_args!("calib: {}: {error}", camera.id));
+                        let why = error.message().unwrap_or_default();
+                        print_message(format_args!("calib: {}: {why}", camera.id));
                         if let Ok(mut failures) = failures.lock() {
                             failures.push(camera.id.as_str());
                         }

@@ -80,7 +80,9 @@ fn area_row(app: &mut App, ui: &mut Ui, index: usize, area: &Area) {
         }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if is_removed(ui, &name) {
-                change(app, format!("remove {name}"), |site| drop(site.areas.remove(index)));
+                change(app, format!("remove {name}"), |site| {
+                    site.areas.remove(index);
+                });
             }
             let (text, colour) = match is_met {
                 Some(true) => ("met", palette.ok),
@@ -117,7 +119,9 @@ fn wall_row(app: &mut App, ui: &mut Ui, index: usize, wall: &WallEntry) {
         }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if is_removed(ui, &name) {
-                change(app, format!("remove {name}"), |site| drop(site.walls.remove(index)));
+                change(app, format!("remove {name}"), |site| {
+                    site.walls.remove(index);
+                });
             }
         });
     });
