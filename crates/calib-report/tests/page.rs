@@ -78,8 +78,7 @@ fn measurements_are_listed_with_their_values() {
         "{section}"
     );
     // A measurement without a value has the reason.
-    let why = site.measure(&site.measurements[1]).unwrap_err().to_string();
-    assert!(section.contains("length 2") && section.contains(&why[..20]), "{section}");
+    assert!(section.contains("length 2") && section.contains("is outside the image"), "{section}");
 }
 
 #[test]
