@@ -141,6 +141,9 @@ fn marks_with_map_coordinates_are_measurements() {
     document["plan"] = json!({"metres_per_px": 0.05});
     let refused = Site::from_json(&document.to_string()).unwrap_err().to_string();
     assert!(refused.contains("marks") && refused.contains("georeference"), "{refused}");
+    document["marks"][0]["sigma_m"] = json!(-5.0);
+    let refused = Site::from_json(&document.to_string()).unwrap_err().to_string();
+    assert!(refused.contains("sigma_m"), "{refused}");
     document["marks"] = json!([{"id": "m", "kind": "cross", "size_m": [0.6]}]);
     let refused = Site::from_json(&document.to_string()).unwrap_err().to_string();
     assert!(refused.contains("no position") && refused.contains("at_m"), "{refused}");
@@ -640,7 +643,11 @@ fn street(random: &mut ChaCha8Rng, sigma: f64) -> Value {
 /// Errors of the cameras of the street on the map, in standard deviations: east, north, height and azimuth.
 fn street_errors(random: &mut ChaCha8Rng, sigma: f64) -> Option<Vec<[f64; 4]>> {
     let site = Site::from_json(&street(random, sigma).to_string()).unwrap();
-    let solved = site.calibrate(&Options::default()).write_into(&site);
+    map_errors(&site.calibrate(&Options::default()).write_into(&site))
+}
+
+/// Errors of the first cameras of the street on the map, in standard deviations: east, north, height and azimuth.
+fn map_errors(solved: &Site) -> Option<Vec<[f64; 4]>> {
     let plane = solved.tangent_plane()?;
     let map = TangentPlane::new(origin(), 90_f64.to_radians());
     let errors = |(entry, exact): (&SiteCamera, &Camera)| {
@@ -674,6 +681,81 @@ fn street_table(sigma: f64, trials: u64) -> [[f64; 2]; 4] {
         }
     }
     sums.map(|[square, inside]| [(square / count).sqrt(), inside / count])
+}
+
+/// Replaces the surveyed points of a street by surveyed crosses, which are rotated by 40 degrees.
+fn with_crosses(random: &mut ChaCha8Rng, mut document: Value, sigma: f64) -> Value {
+    const ARM_M: f64 = 0.8;
+    let (sin, cos) = 40_f64.to_radians().sin_cos();
+    let plane = TangentPlane::new(origin(), 90_f64.to_radians());
+    let mut marks = Vec::new();
+    for k in 0..16_u32 {
+        let side = if k.is_multiple_of(2) { 4.0 } else { -4.0 };
+        let at = WorldPoint::new(20.0 + 20.0 * f64::from(k), side, 0.0);
+        let points =
+            [("centre", [0.0, 0.0]), ("x", [ARM_M * cos, ARM_M * sin]), ("y", [-ARM_M * sin, ARM_M * cos])];
+        let mut seen = Vec::new();
+        for (index, camera) in street_cameras().iter().enumerate() {
+            for (point, [dx, dy]) in points {
+                let px = click(random, camera, WorldPoint { x: at.x + dx, y: at.y + dy, z: 0.0 });
+                seen.extend(px.map(|px| json!({"camera": format!("c{index}"), "point": point, "px": px})));
+            }
+        }
+        let noisy = WorldPoint { x: at.x + sigma * normal(random), y: at.y + sigma * normal(random), z: 0.0 };
+        let Geographic { latitude, longitude, .. } = plane.to_geographic(noisy);
+        marks.push(json!({"id": format!("m{k}"), "kind": "cross", "size_m": [ARM_M], "sigma_m": sigma,
+            "lat_deg": latitude.to_degrees(), "lon_deg": longitude.to_degrees(), "seen": seen}));
+    }
+    document["marks"] = json!(marks);
+    for camera in document["cameras"].as_array_mut().unwrap() {
+        camera["control_points"] = json!([]);
+    }
+    document
+}
+
+#[test]
+fn marks_with_map_coordinates_place_cameras() {
+    let (mut square, mut count) = (0.0, 0.0);
+    for seed in 0..6 {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let document = street(&mut random, 0.05);
+        let mut document = with_crosses(&mut random, document, 0.05);
+        // Every second site has no links, and the marks alone connect its cameras.
+        if seed % 2 == 1 {
+            document["links"] = json!([]);
+        }
+        let site = Site::from_json(&document.to_string()).unwrap();
+        let solved = site.calibrate(&Options::default()).write_into(&site);
+        for errors in map_errors(&solved).expect("every camera is placed") {
+            assert!(errors.iter().all(|error| error.abs() < 5.0), "{seed}: {errors:?}");
+            square += errors.iter().map(|error| error * error).sum::<f64>();
+            count += errors.len() as f64;
+        }
+        let residuals =
+            solved.marks.iter().filter_map(|mark| mark.solution.as_ref()).flat_map(|found| &found.residuals);
+        assert!(
+            residuals.clone().count() > 20 && residuals.into_iter().all(|residual| !residual.outlier),
+            "{seed}"
+        );
+    }
+    let ratio = (square / count).sqrt();
+    assert!((0.8..1.25).contains(&ratio), "root mean square error over the standard deviation: {ratio}");
+}
+
+#[test]
+fn marks_with_map_coordinates_place_one_camera() {
+    let mut random = ChaCha8Rng::seed_from_u64(21);
+    let document = street(&mut random, 0.05);
+    let mut document = with_crosses(&mut random, document, 0.05);
+    document["cameras"].as_array_mut().unwrap().truncate(1);
+    document["links"] = json!([]);
+    for mark in document["marks"].as_array_mut().unwrap() {
+        mark["seen"].as_array_mut().unwrap().retain(|seen| seen["camera"] == "c0");
+    }
+    let site = Site::from_json(&document.to_string()).unwrap();
+    let solved = site.calibrate(&Options::default()).write_into(&site);
+    let errors = map_errors(&solved).expect("the camera is placed");
+    assert!(errors[0].iter().all(|error| error.abs() < 4.0), "{errors:?}");
 }
 
 #[test]

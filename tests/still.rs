@@ -114,6 +114,21 @@ fn all_cameras_of_a_list_are_written() {
     list(&[["a", "a password = \"hidden\""]]);
     let run = scratch.calib(&still).expect_code(3);
     assert!(run.stderr.contains("line 4") && !run.stderr.contains("hidden"), "{}", run.stderr);
+    std::fs::write(scratch.path("lists/cameras.toml"), "cameras = [\"http://admin:hidden@10.0.0.1\"]")
+        .unwrap();
+    let run = scratch.calib(&still).expect_code(3);
+    assert!(!run.stderr.contains("hidden"), "{}", run.stderr);
+    // An image of an earlier day does not remain for a camera that fails.
+    list(&[["a", "none"]]);
+    let run = scratch.calib(&[&still[..], &["--force"]].concat()).expect_code(1);
+    assert!(run.stderr.contains("404") && !scratch.path("today/a.jpg").exists(), "{}", run.stderr);
+    assert!(
+        scratch
+            .calib(&["still", "--all", "lists/cameras.toml", "-o", "-"])
+            .expect_code(2)
+            .stderr
+            .contains("folder")
+    );
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use calib_core::{Distortion, Pixel};
 
 use calib_core::floor::annotated_line_curve;
-use calib_editor::{Action, Pane, Phase, Pointer, TOOLS, ToolRow, hit, snap};
+use calib_editor::{Action, Pane, Phase, Pointer, hit, snap};
 use egui::{CursorIcon, Event, Modifiers, Painter, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::annotate::image;
@@ -358,8 +358,6 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     let (mapping, painter) = canvas(app, ui, key, Mapping::new(view, rect), "Floor plan");
     let palette = theme::palette(ui.ctx());
     let pieces = app.plan_pieces(ui.ctx());
-    // Walls and areas of interest are shown with the coverage.
-    app.view.coverage |= TOOLS.get(app.editor.tool_row()).is_some_and(ToolRow::draws_survey);
     if app.view.coverage {
         update_coverage(app);
     }

@@ -2,7 +2,7 @@
 //! the layout changes.
 
 use calib_editor::Units;
-use egui::{Align2, DragValue, Frame, Margin, RichText, Sense, Stroke, Ui, Vec2};
+use egui::{Align2, DragValue, Frame, Margin, Response, RichText, Sense, Stroke, TextEdit, Ui, Vec2};
 
 pub use calib_editor::number;
 pub use calib_report::decimals;
@@ -36,6 +36,28 @@ pub fn heading(ui: &mut Ui, text: &str, right: &str) {
             ui.label(RichText::new(right).small().color(palette.text3));
         });
     });
+}
+
+/// Shows a field for a text. Returns the new text once the operator has entered it, without spaces at its ends. An
+/// empty text and Escape keep the old text.
+pub(crate) fn entered_text(
+    ui: &mut Ui,
+    salt: impl std::hash::Hash + std::fmt::Debug,
+    text: &str,
+    width: f32,
+) -> (Response, Option<String>) {
+    let salt = ui.scope_id().with(salt);
+    let mut typed = ui.data(|data| data.get_temp::<String>(salt)).unwrap_or_else(|| text.to_owned());
+    let response = ui.add(TextEdit::singleline(&mut typed).desired_width(width).char_limit(100));
+    if response.has_focus() {
+        ui.data_mut(|data| data.insert_temp(salt, typed));
+        return (response, None);
+    }
+    ui.data_mut(|data| data.remove::<String>(salt));
+    let is_dropped = ui.input(|input| input.key_pressed(egui::Key::Escape));
+    let typed = typed.trim();
+    let is_new = response.lost_focus() && !is_dropped && typed != text && !typed.is_empty();
+    (response, is_new.then(|| typed.to_owned()))
 }
 
 /// Creates a field that shows a length in metres in the units of the site; `low` is the smallest length, in

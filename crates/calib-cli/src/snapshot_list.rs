@@ -40,14 +40,15 @@ struct ListedCamera {
     id: String,
     /// Address of its snapshot.
     address: String,
-    /// File with its name and password, relative to the list.
+    /// File with the user's name and password, relative to the list.
     credentials: Option<PathBuf>,
 }
 
 impl ListedCamera {
     /// Returns the reason why the id is not the name of a file.
     fn fault(&self) -> Option<&'static str> {
-        let is_path = self.id.contains(['/', '\\', ':']) || self.id.starts_with('.');
+        let is_path =
+            self.id.contains(['/', '\\', ':']) || self.id.starts_with('.') || self.id.ends_with(['.', ' ']);
         match () {
             () if self.id.trim().is_empty() => Some("the id is empty"),
             () if is_path || self.id.chars().any(char::is_control) => {
@@ -60,23 +61,40 @@ impl ListedCamera {
         }
     }
 
-    /// Writes the snapshot into the output folder.
+    /// Returns the possible paths of the image in the output folder: of a JPEG, and of other images.
+    fn paths(&self, output: &OutputArgs) -> [String; 2] {
+        ["jpg", "png"].map(|ending| output.path_in(&format!("{}.{ending}", self.id)))
+    }
+
+    /// Writes the snapshot into the output folder. An image of an earlier day is removed first, so that it is not
+    /// taken for today's.
     fn write(&self, list: &Path, args: &SnapshotArgs, output: &OutputArgs) -> Result<(), CommandError> {
+        let paths = self.paths(output);
+        for path in paths.iter().filter(|path| Path::new(path).exists()) {
+            std::fs::remove_file(path).map_err(|error| CommandError::invalid(path, error))?;
+        }
         let own = self.credentials.as_ref().map(|file| list.with_file_name("").join(file));
         let mut args = args.clone();
         args.credentials = own.or(args.credentials);
         let (bytes, image) = snapshot::read(&self.address, &args)?;
         // A JPEG stays as the camera sent it.
         let is_jpeg = snapshot::is_jpeg(&bytes);
-        let path = output.path_in(&format!("{}.{}", self.id, if is_jpeg { "jpg" } else { "png" }));
-        let bytes = if is_jpeg { bytes } else { picture::encode(&image, &path)? };
-        output.write_to(&path, &bytes)
+        let path = &paths[usize::from(!is_jpeg)];
+        let bytes = if is_jpeg { bytes } else { picture::encode(&image, path)? };
+        output.write_to(path, &bytes)
     }
 }
 
-/// Writes a snapshot of every camera into the output folder. A camera that fails does not stop the others.
+/// Writes a snapshot of every camera into the output folder. A camera that fails does not stop the others, and
+/// leaves no image.
 pub(crate) fn run(list: &Path, args: &SnapshotArgs, output: &OutputArgs) -> Result<(), CommandError> {
     let cameras = read_list(list)?;
+    if output.is_stdout() {
+        return Err(CommandError::Usage("--output: expected a folder together with --all".into()));
+    }
+    for path in cameras.iter().flat_map(|camera| camera.paths(output)) {
+        output.check_path_free(&path)?;
+    }
     output.create_folder()?;
     let (next, failures) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
     std::thread::scope(|scope| {
@@ -110,11 +128,10 @@ fn read_list(path: &Path) -> Result<Vec<ListedCamera>, CommandError> {
     let bytes = calib_input::read(path, MAX_BYTES).map_err(|error| invalid(error.to_string()))?;
     let text = String::from_utf8(bytes).map_err(|_| invalid("is not a text file in UTF-8".into()))?;
     let list: CameraList = toml::from_str(&text).map_err(|error| {
-        // The text of the line is not printed, because it may contain a password.
+        // Neither the line nor the message is printed, because they may contain a password.
         let start = error.span().map_or(0, |span| span.start);
         let line = 1 + text.bytes().take(start).filter(|&byte| byte == b'\n').count();
-        let expected = "expected [[cameras]] with id, address and optional credentials";
-        invalid(format!("line {line}: {}; {expected}", error.message()))
+        invalid(format!("line {line}: expected [[cameras]], each with id, address and optional credentials"))
     })?;
     let mut ids = HashSet::new();
     for camera in &list.cameras {

@@ -20,7 +20,7 @@ pub(crate) struct Args {
     /// Video file (MP4, MOV, MKV, AVI; H.264, H.265, motion JPEG), or http(s) address of a snapshot
     #[arg(value_name = "VIDEO|URL", required_unless_present = "all")]
     source: Option<String>,
-    /// List of cameras (TOML with id and address); writes ID.jpg of each camera into the output folder
+    /// List of cameras (TOML with id and address); writes ID.jpg of each camera into the folder --output
     #[arg(long, value_name = "FILE", conflicts_with_all = ["source", "at", "median"])]
     all: Option<PathBuf>,
     /// Time of the frame: seconds, MM:SS or HH:MM:SS, from the start of the video; default: the first frame

@@ -242,9 +242,27 @@ pub(crate) fn has_same_planes(known: &[PlaneEntry], now: &[PlaneEntry]) -> bool 
 
 /// Whether two marks have equal inputs.
 fn has_same_mark_inputs(a: &Mark, b: &Mark) -> bool {
-    let Mark { id, off, keep, kind, at_m, sigma_m, turn_deg, size_m, fixed, seen, .. } = a;
+    let Mark {
+        id,
+        name: _,
+        off,
+        keep,
+        kind,
+        at_m,
+        lat_deg,
+        lon_deg,
+        crs_m,
+        alt_m,
+        sigma_m,
+        turn_deg,
+        size_m,
+        fixed,
+        seen,
+        solution: _,
+    } = a;
     *id == b.id
-        && *sigma_m == b.sigma_m
+        && (*lat_deg, *lon_deg, *crs_m) == (b.lat_deg, b.lon_deg, b.crs_m)
+        && (*alt_m, *sigma_m) == (b.alt_m, b.sigma_m)
         && (*off, *keep, *kind, *fixed) == (b.off, b.keep, b.kind, b.fixed)
         && *at_m == b.at_m
         && (*turn_deg, size_m, seen) == (b.turn_deg, &b.size_m, &b.seen)

@@ -18,8 +18,11 @@ pub fn refined(mut site: Site) -> Site {
         }
     }
     for (mark, found) in site.marks.iter_mut().zip(&report.marks) {
-        if let Some(found) = found.as_ref().filter(|_| !mark.fixed) {
-            (mark.at_m, mark.turn_deg) = (found.at_m, found.turn_deg.unwrap_or(mark.turn_deg));
+        let Some(found) = found.as_ref().filter(|_| !mark.fixed) else { continue };
+        mark.turn_deg = found.turn_deg.unwrap_or(mark.turn_deg);
+        // Map coordinates are a measurement, which the estimate does not replace.
+        if !mark.has_map_coordinates() {
+            mark.at_m = found.at_m;
         }
     }
     // The site is solved again from the new placements, as a program that opens the saved file does.

@@ -346,6 +346,8 @@ impl Session {
             self.revert();
             self.note = Some(format!("Change reverted: {}.", error.message()));
         }
+        // A change of the georeference moves marks with map coordinates.
+        self.site.place_surveyed_marks();
         let is_solved = self.solve_in_frame();
         if is_solved {
             self.refine_if_fast();

@@ -29,8 +29,8 @@ pub(crate) fn measurement_section(html: &mut String, site: &Site) {
         );
     }
     html.push_str(
-        "</tbody></table>\n<p class=\"dim foot\">The \u{b1} contains the clicks and the calibration. Measurements do \
-         not change the calibration.</p>\n",
+        "</tbody></table>\n<p class=\"dim foot\">The \u{b1} is one standard deviation. It contains the errors of the \
+         clicks and of the calibration. Measurements do not change the calibration.</p>\n",
     );
 }
 

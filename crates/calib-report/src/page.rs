@@ -43,8 +43,8 @@ pub enum ImageRequest<'a> {
 pub type ImageSource<'a> = &'a mut dyn FnMut(ImageRequest<'_>) -> Result<EmbeddedImage, String>;
 
 /// Returns the HTML of the report: summary for customers, numbers of all cameras, site, planes, plan,
-/// acceptance walk, measurements, then every camera. A missing image is replaced by the reason why it is missing. `created`
-/// is the time of the report, in seconds since 1970.
+/// acceptance walk, measurements, then every camera. A missing image is replaced by the reason why it is
+/// missing. `created` is the time of the report, in seconds since 1970.
 #[must_use]
 pub fn page(site: &Site, created: u64, walk: Option<&WalkPage<'_>>, pictures: ImageSource<'_>) -> String {
     let mut html = page_start(site.name.as_deref().unwrap_or("Camera calibration"));

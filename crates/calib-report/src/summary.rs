@@ -15,6 +15,9 @@ pub const MAX_FLOOR_ERROR_REL: f64 = 0.03;
 /// Annotations and edges typically have errors of one or two pixels.
 pub const MAX_RMS_PX: f64 = 5.0;
 
+/// Reason of a camera whose lengths have an unknown common factor.
+const UNKNOWN_SCALE: &str = "The scale is unknown: no height, length, distance or known point determines it.";
+
 /// Relative standard deviation of floor lengths from which a camera is not usable.
 const UNUSABLE_FLOOR_ERROR_REL: f64 = 0.10;
 
@@ -23,7 +26,7 @@ const UNUSABLE_FLOOR_ERROR_REL: f64 = 0.10;
 enum Usability {
     /// The camera passes `calib check`.
     Good,
-    /// The camera is usable after the reason is settled.
+    /// The camera is usable after the reason is resolved.
     Check,
     /// The camera has no result, or a wrong one.
     Bad,
@@ -65,6 +68,7 @@ impl<'a> Row<'a> {
         let id = escape(&self.camera.id);
         let name = self.camera.name.as_ref().map_or_else(String::new, |name| escape(name));
         let floor = floor_error_rel(self.camera.solution.as_ref())
+            .filter(|rel| *rel < 1.0)
             .map_or_else(|| "\u{2013}".into(), |rel| format!("\u{b1} {:.1} %", 100.0 * rel));
         let usability = self.usability.name();
         let _ = writeln!(
@@ -76,14 +80,17 @@ impl<'a> Row<'a> {
     }
 }
 
-/// Returns the predicted relative error of floor lengths, unless it is unknown or meaningless.
+/// Returns the predicted relative error of floor lengths; `None` if it is unknown.
 fn floor_error_rel(solution: Option<&Solution>) -> Option<f64> {
-    solution?.sigma.as_ref()?.floor_length_rel.filter(|rel| *rel < 1.0)
+    solution?.sigma.as_ref()?.floor_length_rel
 }
 
 /// Returns the usability of a solved camera and its reason. Errors come before warnings.
 fn usability(site: &Site, index: usize, solution: &Solution) -> (Usability, String) {
-    let warnings = site.failing_warnings(index);
+    let mut warnings = site.failing_warnings(index);
+    // The focal length of a camera that looks straight down changes heights alone.
+    let heights_are_unknown = solution.heights_known == Some(false);
+    warnings.retain(|warning| !(heights_are_unknown && warning.code == Code::FocalUnobservable));
     let first = |is_wanted: &dyn Fn(&Warning) -> bool| {
         warnings.iter().find(|warning| is_wanted(warning)).map(|warning| warning.message.clone())
     };
@@ -95,15 +102,15 @@ fn usability(site: &Site, index: usize, solution: &Solution) -> (Usability, Stri
     if let Some(rel) = floor.filter(|&rel| rel > UNUSABLE_FLOOR_ERROR_REL) {
         return (Usability::Bad, inaccurate(rel));
     }
-    let scale = solution.warnings.iter().find(|warning| warning.code == Code::ScaleAssumed);
-    let residuals = solution
+    let large_residuals = solution
         .rms_px
         .filter(|&rms| rms > MAX_RMS_PX)
-        .map(|rms| format!("The lines contradict each other by {rms:.1} px."));
+        .map(|rms| format!("The RMS residual is {rms:.1} px; at most {MAX_RMS_PX:.0} px are allowed."));
+    let has_scale = site.cameras.get(index).is_some_and(|entry| site.scale_is_known(entry));
     let reason = first(&|_| true)
         .or_else(|| floor.filter(|&rel| rel > MAX_FLOOR_ERROR_REL).map(inaccurate))
-        .or(residuals)
-        .or_else(|| scale.map(|warning| warning.message.clone()));
+        .or(large_residuals)
+        .or_else(|| (!has_scale).then(|| UNKNOWN_SCALE.to_owned()));
     match reason {
         Some(reason) => (Usability::Check, reason),
         None => (Usability::Good, String::new()),
@@ -130,7 +137,8 @@ pub(crate) fn write_summary(html: &mut String, site: &Site) {
     rows.iter().for_each(|row| row.write(html));
     let _ = writeln!(
         html,
-        "</tbody></table>\n<p class=\"dim foot\">Good: lengths on the floor are accurate to \u{b1} {:.0} %, and no check failed. Check: settle the reason \
+        "</tbody></table>\n<p class=\"dim foot\">Two of three lengths are within \u{b1} (one standard deviation). \
+         Good: lengths on the floor are accurate to \u{b1} {:.0} %, and no check failed. Check: resolve the reason \
          before use. Bad: do not use this camera.</p>",
         100.0 * MAX_FLOOR_ERROR_REL
     );

@@ -54,9 +54,16 @@ fn the_summary_names_unusable_cameras_with_their_reason() {
     let sigma = site.cameras[0].solution.as_mut().unwrap().sigma.as_mut().unwrap();
     sigma.floor_length_rel = Some(0.05);
     site.cameras[1].solution = None;
+    // An error above 100 % has no number, but counts.
+    let sigma = site.cameras[2].solution.as_mut().unwrap().sigma.as_mut().unwrap();
+    sigma.floor_length_rel = Some(1.3);
     let found = start(&site);
-    assert!(found.contains("4 good") && found.contains("1 check") && found.contains("1 bad"), "{found}");
+    assert!(found.contains("3 good") && found.contains("1 check") && found.contains("2 bad"), "{found}");
     assert!(found.contains("uncertain by \u{b1} 5.0 %") && found.contains("Not solved."), "{found}");
+    // Without a scale, no camera of the joint solve is good.
+    site.solution.as_mut().unwrap().scale = Some(calib_site::Scale::Unknown);
+    let found = start(&site);
+    assert!(found.contains("The scale is unknown") && !found.contains("3 good"), "{found}");
 }
 
 #[test]

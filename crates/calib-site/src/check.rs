@@ -71,17 +71,11 @@ impl Site {
         if let Some(plan) = site.plan.as_mut().filter(|plan| plan.metres_per_px.is_nan()) {
             plan.metres_per_px = metres_per_px(plan).unwrap_or(f64::NAN);
         }
-        let checked = site.check().and_then(|()| {
-            site.place_surveyed_marks().or_else(|index| {
-                let root = At::root();
-                let at = root.key("marks");
-                let expected =
-                    "\"georeference\" of the site, because marks are needed before its cameras are solved";
-                at.index(index).expected("geographic coordinates, but no georeference", expected)
-            })
-        });
-        match checked {
-            Ok(()) => Ok(site),
+        match site.check() {
+            Ok(()) => {
+                site.place_surveyed_marks();
+                Ok(site)
+            }
             Err(error) => {
                 // The text is parsed again for the names, so the memory of the site is released first.
                 drop(site);

@@ -260,7 +260,12 @@ fn check_mark(at: &At, mark: &Mark, cameras: &HashSet<&str>, site: &Site) -> Che
     if mark.at_m.x.is_nan() && !position.is_entered() {
         return at.expected("no position", "\"at_m\", or \"lat_deg\" and \"lon_deg\", or \"crs_m\"");
     }
-    if !position.is_entered() {
+    if position.is_entered() {
+        if site.known_georeference().is_none() {
+            let expected = "a \"georeference\", because the position of a mark must be known before the cameras are solved";
+            return at.expected("map coordinates, but no georeference", expected);
+        }
+    } else {
         Bounds::COORDINATE.check_all(&at.key("at_m"), &<[f64; 3]>::from(mark.at_m))?;
     }
     Bounds::DEGREES.check(&at.key("turn_deg"), mark.turn_deg)?;

@@ -81,6 +81,7 @@ pub(crate) fn check_geographic(
     }
     check_position(at, position, site)?;
     optional(&at.key("alt_m"), position.alt_m, Bounds::COORDINATE)?;
+    optional(&at.key("sigma_m"), position.sigma_m, Bounds::POSITIVE)?;
     if position.sigma_m.is_none() {
         let expected = "the accuracy of the position in metres, for example 4 for a phone, 0.5 for an aerial image, \
                         0.02 for RTK";

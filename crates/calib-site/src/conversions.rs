@@ -5,7 +5,9 @@ use calib_core::camera::{
     Camera, Coefficient, Covariance, Distortion, DistortionModel, FloorPoint, ImageCircle, Lens, Pixel,
     PlanScale, Plane, WorldPoint,
 };
-use calib_core::floor::{ControlPoint, MarkKind, MarkShape, Placement, Surface, default_efov, efov_on_floor};
+use calib_core::floor::{
+    ControlPoint, ControlPointNoise, MarkKind, MarkShape, Placement, Surface, default_efov, efov_on_floor,
+};
 use calib_core::single::{FixedParameters, PlanePrior, PrincipalPointPrior, Prior, Priors, SceneErrors};
 
 use crate::document::{ControlPointEntry, FixedEntry, GroundPoint, Link, Mark, PlacementEntry};
@@ -179,8 +181,14 @@ impl Mark {
         }
     }
 
-    /// Removes the geographic coordinates of the mark. The mark keeps its position in the site.
-    pub const fn forget_survey(&mut self) {
+    /// Whether the position of the mark follows from map coordinates.
+    #[must_use]
+    pub const fn has_map_coordinates(&self) -> bool {
+        SurveyedPosition::of_mark(self).is_entered()
+    }
+
+    /// Removes the map coordinates of the mark. The mark keeps its position in the site.
+    pub const fn remove_map_coordinates(&mut self) {
         (self.lat_deg, self.lon_deg, self.crs_m) = (None, None, None);
         (self.alt_m, self.sigma_m) = (None, None);
     }
@@ -288,6 +296,15 @@ impl ControlPointEntry {
         let has_both = (self.lat_deg.is_some() || self.crs_m.is_some())
             && (self.world_m.is_some() || self.plan_px.is_some());
         self.sigma_m.filter(|_| !has_both).unwrap_or(0.0)
+    }
+
+    /// Returns the standard deviations of the pixel and of the world coordinates. `sigma_px` is that of a pixel
+    /// without its own, in pixels. On a map or plan, only the horizontal position has the error of the survey.
+    pub(crate) fn noise(&self, sigma_px: f64) -> ControlPointNoise {
+        let sigma = self.position_sigma();
+        let is_level = self.world_m.is_none() && self.alt_m.is_none();
+        let world = [sigma, sigma, if is_level { 0.0 } else { sigma }];
+        ControlPointNoise { pixel: self.sigma_px.unwrap_or(sigma_px), world }
     }
 
     /// Returns the world coordinates from `world_m` or from `plan_px`.

@@ -38,10 +38,11 @@ impl Site {
             camera.placement.is_some() || camera.control_points.iter().any(is_known)
         };
         let by_camera = self.cameras.iter().any(|camera| is_member(&camera.id) && is_placed(camera));
-        let by_mark = self
-            .marks
-            .iter()
-            .any(|mark| mark.fixed && !mark.off && mark.seen.iter().any(|seen| is_member(&seen.camera)));
+        let by_mark = self.marks.iter().any(|mark| {
+            !mark.off
+                && mark.seen.iter().any(|seen| is_member(&seen.camera))
+                && (mark.fixed || self.world_of_survey(&SurveyedPosition::of_mark(mark)).is_some())
+        });
         let by_link = self.links.iter().any(|link| {
             !link.off
                 && link.seen.iter().any(|seen| is_member(&seen.camera))

@@ -271,8 +271,8 @@ impl Site {
         self.surveyed_positions().count()
     }
 
-    /// Returns the geographic coordinates of control points, links and marks, as entered. A control point is
-    /// returned, too.
+    /// Returns the geographic coordinates of control points, links and marks, as entered. For a control point, the
+    /// entry is included.
     fn surveyed_positions(&self) -> impl Iterator<Item = (SurveyedPosition, Option<&ControlPointEntry>)> {
         let points = self.cameras.iter().flat_map(|camera| &camera.control_points);
         let points = points.map(|point| (SurveyedPosition::of_control_point(point), Some(point)));
@@ -292,16 +292,14 @@ impl Site {
         })
     }
 
-    /// Moves every mark with geographic coordinates to its position in the site. Returns the index of a mark whose
-    /// position is unknown, because the site has no georeference.
-    pub(crate) fn place_surveyed_marks(&mut self) -> Result<(), usize> {
+    /// Moves every mark with map coordinates to its position in the site, which depends on the georeference.
+    pub fn place_surveyed_marks(&mut self) {
         for index in 0..self.marks.len() {
             let position = SurveyedPosition::of_mark(&self.marks[index]);
-            if position.is_entered() {
-                self.marks[index].at_m = self.world_of_survey(&position).ok_or(index)?;
+            if let Some(at) = self.world_of_survey(&position) {
+                self.marks[index].at_m = at;
             }
         }
-        Ok(())
     }
 
     /// Returns the georeference that follows from control points and links; `None` if it is entered, or

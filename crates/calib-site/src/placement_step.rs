@@ -6,7 +6,7 @@ use crate::camera_result::CameraResult;
 use crate::document::{ControlPointEntry, FixedEntry, Site, SiteCamera};
 use crate::solution::{Solution, Stage};
 use calib_core::camera::{Camera, Covariance, WorldPoint};
-use calib_core::floor::{ControlPoint, from_control_points, with_placement_covariance};
+use calib_core::floor::{ControlPoint, ControlPointNoise, from_control_points, with_placement_covariance};
 use calib_core::outcome::{Code, Finding, Residual, ResidualOf};
 use calib_core::single::{
     MAX_OVERLAP_DISTANCE_PX, floor_finding, grid, placed_floor_length_rel, placed_floor_shape_rel,
@@ -29,13 +29,14 @@ impl Site {
         let points = entry.control_points.iter().enumerate();
         let points =
             points.filter(|(index, point)| !point.off && !suspects.contains(index)).map(|(_, point)| point);
-        let points = without_duplicates(points.filter_map(|point| point.control_point(self)).collect());
+        let sigma = entry.sigma_px.unwrap_or(1.0);
+        let noisy = |point: &ControlPointEntry| Some((point.control_point(self)?, point.noise(sigma)));
+        let noisy = without_duplicates(points.filter_map(noisy).collect());
+        let points: Vec<ControlPoint> = noisy.iter().map(|(point, _)| *point).collect();
         let fixed_height = entry.height_m.filter(|height| height.fixed).map(|height| height.value);
         if !fixed && let Some(placed) = from_control_points(&first, &points, fixed_height) {
             scale_conflict(&first, placed.position.z, fixed_height.is_some(), findings);
-            let sigma = entry.sigma_px.unwrap_or(1.0);
-            let is_height_fixed = fixed_height.is_some();
-            return (with_placement_covariance(&placed, &points, sigma, is_height_fixed), Stage::Placed);
+            return (with_placement_covariance(&placed, &noisy, fixed_height.is_some()), Stage::Placed);
         }
         if !fixed && !points.is_empty() {
             findings.push(Finding::TooFewControlPoints { count: points.len() });
@@ -134,20 +135,24 @@ impl SiteCamera {
 }
 
 /// Removes control points that repeat another one at the same pixel.
-fn without_duplicates(mut points: Vec<ControlPoint>) -> Vec<ControlPoint> {
+fn without_duplicates(
+    mut points: Vec<(ControlPoint, ControlPointNoise)>,
+) -> Vec<(ControlPoint, ControlPointNoise)> {
     /// Distance below which two control points count as the same point, in metres.
     const MAX_DUPLICATE_DISTANCE_M: f64 = 0.01;
-    points.sort_by(|a, b| a.pixel.u.total_cmp(&b.pixel.u));
-    let mut once: Vec<ControlPoint> = Vec::new();
-    for point in points {
-        let mut near =
-            once.iter().rev().take_while(|known| point.pixel.u - known.pixel.u <= MAX_OVERLAP_DISTANCE_PX);
-        let is_known = |known: &ControlPoint| {
+    points.sort_by(|(a, _), (b, _)| a.pixel.u.total_cmp(&b.pixel.u));
+    let mut once: Vec<(ControlPoint, ControlPointNoise)> = Vec::new();
+    for (point, noise) in points {
+        let mut near = once
+            .iter()
+            .rev()
+            .take_while(|(known, _)| point.pixel.u - known.pixel.u <= MAX_OVERLAP_DISTANCE_PX);
+        let is_known = |(known, _): &(ControlPoint, ControlPointNoise)| {
             known.pixel.distance(point.pixel) <= MAX_OVERLAP_DISTANCE_PX
                 && known.world.distance(point.world) <= MAX_DUPLICATE_DISTANCE_M
         };
         if !near.any(is_known) {
-            once.push(point);
+            once.push((point, noise));
         }
     }
     once

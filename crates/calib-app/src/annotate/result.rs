@@ -341,7 +341,7 @@ fn view_row(app: &App, ui: &mut Ui, solution: &Solution) {
     let spread = sigma.map(|s| 0.5 * (view(solution.focal_px - s) - view(solution.focal_px + s)).abs());
     let shown = spread.map_or(1, decimals).min(2);
     ui.horizontal(|ui| {
-        cells(ui, "Horizontal view", &number(hfov, shown), spread.map(|s| number(s, shown)), "\u{b0}");
+        cells(ui, "Horizontal FOV", &number(hfov, shown), spread.map(|s| number(s, shown)), "\u{b0}");
     });
 }
 

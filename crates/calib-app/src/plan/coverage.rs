@@ -33,9 +33,9 @@ pub(crate) fn paint_coverage(
     painter: &Painter,
     mapping: &Mapping,
 ) {
-    let Some(Ok(found)) = shown.map(|shown| &shown.result) else { return };
+    let found = shown.and_then(|shown| shown.result.as_ref().ok());
     let mut mesh = Mesh::default();
-    for rectangle in &found.rectangles {
+    for rectangle in found.into_iter().flat_map(|found| &found.rectangles) {
         let base = mesh.vertices.len() as u32;
         let fill = colour(level_colour(rectangle.level)).gamma_multiply(OPACITY);
         for corner in rectangle.corners() {
@@ -48,25 +48,30 @@ pub(crate) fn paint_coverage(
     paint_survey(site, found, painter, mapping);
 }
 
-/// Paints walls, and the outlines and results of the areas of interest.
-fn paint_survey(site: &Site, found: &Computed, painter: &Painter, mapping: &Mapping) {
+/// Paints walls, and the outlines of the areas of interest, with their results if there are any.
+fn paint_survey(site: &Site, found: Option<&Computed>, painter: &Painter, mapping: &Mapping) {
     for wall in &site.walls {
         let ends = [wall.from_m, wall.to_m].map(|end| mapping.screen(end.into()));
         line(painter, &ends, Pen::new(Color32::BLACK, 4.0));
     }
-    for (area, (name, is_met)) in site.areas.iter().zip(&found.results) {
+    for (index, area) in site.areas.iter().enumerate() {
+        let is_met = found.and_then(|found| found.results.get(index)).map(|(_, is_met)| *is_met);
         let corners: Vec<Pos2> = area
             .polygon_m
             .iter()
             .chain(area.polygon_m.first())
             .map(|&corner| mapping.screen(corner.into()))
             .collect();
-        let pen = if *is_met { on_image::WHITE } else { on_image::BAD };
+        let pen = if is_met == Some(false) { on_image::BAD } else { on_image::WHITE };
         line(painter, &corners, Pen::new(pen, 2.0));
         let count = area.polygon_m.len().max(1) as f32;
         let middle = corners.iter().take(area.polygon_m.len()).fold(Vec2::ZERO, |sum, at| sum + at.to_vec2());
-        let decision = if *is_met { "met" } else { "missed" };
-        let text = format!("{name}: {decision}");
+        let name = area.name.as_ref().unwrap_or(&area.id);
+        let text = match is_met {
+            Some(true) => format!("{name}: met"),
+            Some(false) => format!("{name}: missed"),
+            None => name.clone(),
+        };
         tag(painter, (middle / count).to_pos2(), Align2::CENTER_CENTER, &text, on_image::WHITE);
     }
 }

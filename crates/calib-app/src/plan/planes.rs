@@ -5,12 +5,12 @@ use calib_core::single::Known;
 use calib_editor::planes::{PlaneAction, planes_of_parts};
 use calib_editor::{Action, TOOLS, Units};
 use calib_site::{PlaneEntry, PlaneNumber, TiltEntry};
-use egui::{ComboBox, DragValue, RichText, TextEdit, Ui, Vec2};
+use egui::{ComboBox, DragValue, RichText, Ui, Vec2};
 
 use crate::icons::{self, Icon, Look};
 use crate::state::App;
 use crate::theme;
-use crate::widgets::{heading, length_field, number};
+use crate::widgets::{entered_text, heading, length_field, number};
 
 /// Shows the panel of planes.
 pub(crate) fn planes_ui(app: &mut App, ui: &mut Ui) {
@@ -92,20 +92,13 @@ fn fields(app: &mut App, ui: &mut Ui, index: usize, plane: &PlaneEntry) -> Optio
 
 /// Shows the field for the name of a plane; returns the new name once the operator has entered it.
 fn name_field(ui: &mut Ui, index: usize, id: &str) -> Option<String> {
-    let salt = ui.scope_id().with(("plane", index));
-    let mut typed = ui.data(|data| data.get_temp::<String>(salt)).unwrap_or_else(|| id.to_owned());
     let field = |ui: &mut Ui| {
         let label = ui.label(RichText::new("Plane name").color(theme::palette(ui.ctx()).text2));
-        ui.add(TextEdit::singleline(&mut typed).desired_width(120.0)).labelled_by(label.id)
+        let (response, typed) = entered_text(ui, ("plane", index), id, 120.0);
+        response.labelled_by(label.id);
+        typed
     };
-    let response = ui.horizontal(field).inner;
-    if response.has_focus() {
-        ui.data_mut(|data| data.insert_temp(salt, typed));
-        return None;
-    }
-    ui.data_mut(|data| data.remove::<String>(salt));
-    let is_dropped = ui.input(|input| input.key_pressed(egui::Key::Escape));
-    (response.lost_focus() && !is_dropped && typed != id).then_some(typed)
+    ui.horizontal(field).inner
 }
 
 /// Parameter of a plane: height in metres, fall and direction in degrees.

@@ -3,12 +3,12 @@
 use calib_core::floor::DensityLevel;
 use calib_editor::{Action, TOOLS};
 use calib_site::{Area, Site, WallEntry};
-use egui::{ComboBox, RichText, TextEdit, Ui, Vec2};
+use egui::{ComboBox, RichText, Ui, Vec2};
 
 use crate::icons::{self, Icon, Look};
 use crate::state::App;
 use crate::theme;
-use crate::widgets::{heading, length_field};
+use crate::widgets::{entered_text, heading, length_field};
 
 /// Shows the areas and walls, and the buttons that draw new ones.
 pub(crate) fn survey_ui(app: &mut App, ui: &mut Ui) {
@@ -61,9 +61,9 @@ fn area_row(app: &mut App, ui: &mut Ui, index: usize, area: &Area) {
     let results = app.coverage.as_ref().and_then(|shown| shown.result.as_ref().ok());
     let is_met = results.and_then(|found| found.results.get(index)).map(|(_, is_met)| *is_met);
     ui.horizontal(|ui| {
-        let mut typed = name.clone();
-        let field = ui.add(TextEdit::singleline(&mut typed).desired_width(90.0).char_limit(100));
-        if field.on_hover_text("Name of the area").changed() && !typed.trim().is_empty() {
+        let (response, typed) = entered_text(ui, ("area", index), &name, 90.0);
+        response.on_hover_text("Name of the area");
+        if let Some(typed) = typed {
             change(app, format!("rename {}", area.id), |site| site.areas[index].name = Some(typed));
         }
         let mut level = area.level;

@@ -7,7 +7,8 @@ use calib_core::floor::{Mount, lens_reach};
 use calib_core::outcome::SuggestedAnnotation;
 use calib_core::{Lens, Pixel};
 use calib_editor::{
-    Action, Command, Edge, Editor, Pane, Part, PendingCalibration, Period, TOOLS, edges, edit, hit, suggest,
+    Action, Command, Edge, Editor, Pane, Part, PendingCalibration, Period, TOOLS, ToolRow, edges, edit, hit,
+    suggest,
 };
 use calib_site::{LensEntry, Site, SuggestionEntry};
 use egui::Context;
@@ -262,6 +263,9 @@ impl App {
 
     /// Applies an action at once. Canvases use it, because they show the effect in the same frame.
     pub fn act(&mut self, action: Action) {
+        // Walls and areas of interest are shown with the coverage.
+        let draws_survey = |index: &usize| TOOLS.get(*index).is_some_and(ToolRow::draws_survey);
+        self.view.coverage |= matches!(&action, Action::SelectTool(index) if draws_survey(index));
         self.editor.apply(action);
     }
 

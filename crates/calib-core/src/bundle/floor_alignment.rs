@@ -21,8 +21,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::bundle::landmark::{Landmark, LandmarkModel, SAME_POSITION_M};
-use crate::bundle::triangulation::{floor_positions, is_known};
+use crate::bundle::landmark::{Landmark, LandmarkModel, Observation, SAME_POSITION_M};
+use crate::bundle::triangulation::{floor_positions, is_known, is_known_point};
 use crate::camera::{Camera, FloorPoint, WorldPoint};
 use crate::optimize::{BlockStructure, JacobianBlock, NormalEquations};
 
@@ -80,7 +80,9 @@ fn known_positions(component: &[usize], cameras: &[Camera], landmarks: &[Landmar
     let known = landmarks.iter().filter(|landmark| !landmark.off && is_known(landmark));
     let mut pairs = Vec::new();
     for landmark in known {
-        for seen in landmark.observations.iter().filter(|seen| component.contains(&seen.view)) {
+        let is_used =
+            |seen: &&Observation| component.contains(&seen.view) && is_known_point(landmark, seen.point);
+        for seen in landmark.observations.iter().filter(is_used) {
             let at = landmark.point(seen.point);
             if let Some(found) = cameras[seen.view].pixel_to_floor(seen.pixel, at.z) {
                 pairs.push(([found.x, found.y], at.on_floor()));

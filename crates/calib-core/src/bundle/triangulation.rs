@@ -20,7 +20,23 @@ type PointPair = ([f64; 2], FloorPoint);
 /// Whether the position of a landmark is known in the base system, exactly or with a prior. Such a landmark
 /// fixes the gauge.
 pub(crate) fn is_known(landmark: &Landmark) -> bool {
-    landmark.free == [false; LANDMARK_PARAMS] || landmark.model == LandmarkModel::Measured
+    landmark.free == [false; LANDMARK_PARAMS]
+        || landmark.model == LandmarkModel::Measured
+        || is_measured_mark(landmark)
+}
+
+/// Whether a landmark is a mark whose position has priors. Its rotation may be unknown.
+fn is_measured_mark(landmark: &Landmark) -> bool {
+    let has_prior = |k: usize| landmark.priors.iter().any(|(prior, _)| *prior == k);
+    matches!(landmark.model, LandmarkModel::Mark { .. }) && has_prior(0) && has_prior(1)
+}
+
+/// Whether a point of a known landmark has a known position at the start. Of a mark whose rotation is unknown,
+/// these are the points on its axis, if any of them is observed.
+pub(crate) fn is_known_point(landmark: &Landmark, point: usize) -> bool {
+    let LandmarkModel::Mark { points, .. } = &landmark.model else { return true };
+    let is_on_axis = |point: usize| points.get(point).is_some_and(|[x, y, _]| x.hypot(*y) < 1e-9);
+    !landmark.free[2] || is_on_axis(point) || !landmark.observations.iter().any(|seen| is_on_axis(seen.point))
 }
 
 /// Triangulates a landmark from the cameras selected by `by`. Returns its model (for a line with its origin)
@@ -30,10 +46,14 @@ pub fn triangulate(
     cameras: &[Camera],
     by: &dyn Fn(usize) -> bool,
 ) -> Option<(LandmarkModel, [f64; LANDMARK_PARAMS])> {
-    if is_known(landmark) {
-        return Some((landmark.model.clone(), landmark.params));
-    }
     let seen: Vec<Observation> = landmark.observations.iter().filter(|seen| by(seen.view)).copied().collect();
+    if is_known(landmark) {
+        let [x, y, mut third] = landmark.params;
+        if landmark.free[2] && is_measured_mark(landmark) {
+            third = from_observations(landmark, &seen, cameras).map_or(third, |(_, [_, _, turn])| turn);
+        }
+        return Some((landmark.model.clone(), [x, y, third]));
+    }
     let (model, found) = from_observations(landmark, &seen, cameras)?;
     let params = std::array::from_fn(|k| if landmark.free[k] { found[k] } else { landmark.params[k] });
     params.iter().all(|value| value.is_finite()).then_some((model, params))

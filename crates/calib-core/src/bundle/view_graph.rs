@@ -22,7 +22,7 @@ use crate::bundle::camera::{BundleCamera, Gauge, InitialPose};
 use crate::bundle::landmark::{
     DistanceMeasurement, LANDMARK_PARAMS, Landmark, LandmarkModel, SAME_POSITION_M,
 };
-use crate::bundle::triangulation::is_known;
+use crate::bundle::triangulation::{is_known, is_known_point};
 use crate::camera::{Camera, FloorPoint, WorldPoint};
 use crate::floor::{ControlPoint, from_control_points};
 
@@ -227,7 +227,8 @@ pub(crate) fn determine_gauge(
 /// Returns the floor positions of the observed points of a known landmark.
 fn known_positions(landmark: &Landmark) -> Vec<FloorPoint> {
     let points: BTreeSet<usize> = landmark.observations.iter().map(|seen| seen.point).collect();
-    points.iter().map(|&point| landmark.point(point).on_floor()).collect()
+    let known = points.iter().filter(|&&point| is_known_point(landmark, point));
+    known.map(|&point| landmark.point(point).on_floor()).collect()
 }
 
 /// Whether the observed points of a landmark have a known size: two points of a mark, or a post of known
@@ -311,7 +312,8 @@ pub(crate) fn control_points<'a>(
 ) -> Vec<ControlPoint> {
     let points = landmarks.filter(|(landmark, _)| !matches!(landmark.model, LandmarkModel::Line { .. }));
     let seen = points.flat_map(|(landmark, params)| {
-        let own = landmark.observations.iter().filter(move |seen| seen.view == view);
+        let is_placed = |point: usize| !is_known(landmark) || is_known_point(landmark, point);
+        let own = landmark.observations.iter().filter(move |seen| seen.view == view && is_placed(seen.point));
         own.map(move |seen| (seen.pixel, landmark.model.point(&params, seen.point, &landmark.ground).0))
     });
     seen.map(|(pixel, world)| ControlPoint { pixel, world }).collect()

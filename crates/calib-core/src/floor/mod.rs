@@ -57,7 +57,7 @@ pub use placement::{Placement, STAGE_1_HEIGHT};
 pub use point_projector::PointProjector;
 pub use projector::FloorProjector;
 pub use remap::{Crop, Remap, StraightView, StraightViewError, Undistortion};
-pub use resection::{ControlPoint, from_control_points, with_placement_covariance};
+pub use resection::{ControlPoint, ControlPointNoise, from_control_points, with_placement_covariance};
 pub use ruler::{CameraCovariance, Measured, Ruler, RulerPoint};
 pub use scene::{
     COURTS, Court, MarkKind, MarkShape, PRISM_HEIGHT, Polyline, ellipse, floor_grid, position_ellipse, prism,

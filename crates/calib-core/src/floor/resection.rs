@@ -29,6 +29,15 @@ pub struct ControlPoint {
     pub world: WorldPoint,
 }
 
+/// Standard deviations of the errors of a control point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ControlPointNoise {
+    /// Standard deviation of u and of v of the pixel, in pixels.
+    pub pixel: f64,
+    /// Standard deviations of x, y and z of the world position, in metres.
+    pub world: [f64; 3],
+}
+
 /// Computes the position and yaw of a camera from control points. Roll, pitch, focal length and lens equal
 /// those of `camera`. If `height` is given, in metres, the height of the camera is fixed to it.
 ///
@@ -147,16 +156,16 @@ fn square_error(camera: &Camera, points: &[ControlPoint]) -> f64 {
 }
 
 /// Returns the camera with the covariance of its placement by control points. The covariance is propagated
-/// from noise of `sigma` pixels in the points, and from the covariance of all other parameters: roll, pitch,
-/// focal length and the parameters of the lens. If `is_height_fixed`, the height has no error.
+/// from the errors of the points, and from the covariance of all other parameters: roll, pitch, focal length
+/// and the parameters of the lens. If `is_height_fixed`, the height has no error.
 ///
 /// With the derivatives `A` of the pixels by position and yaw `q`, and `B` by the other estimated parameters
-/// `p`, `dq = -(A'A)^-1 A' (B dp + noise)`.
+/// `p`, `dq = -(A'A)^-1 A' (B dp + noise)`. A world error of a point moves its pixel as the opposite movement
+/// of the camera does.
 #[must_use]
 pub fn with_placement_covariance(
     camera: &Camera,
-    points: &[ControlPoint],
-    sigma: f64,
+    points: &[(ControlPoint, ControlPointNoise)],
     is_height_fixed: bool,
 ) -> Camera {
     if !camera.covariance.is_known() {
@@ -167,8 +176,8 @@ pub fn with_placement_covariance(
     let q: Vec<usize> = placed.into_iter().filter(is_free).collect();
     let is_estimated = |index: &usize| camera.covariance.sigma(*index).is_some();
     let p: Vec<usize> = (Covariance::PITCH..Covariance::SIZE).filter(is_estimated).collect();
-    let shown: Vec<ControlPoint> =
-        points.iter().copied().filter(|point| camera.world_to_pixel(point.world).is_some()).collect();
+    let (shown, noises): (Vec<ControlPoint>, Vec<ControlPointNoise>) =
+        points.iter().copied().filter(|(point, _)| camera.world_to_pixel(point.world).is_some()).unzip();
     let jacobian = |unknowns: &[usize]| {
         let columns: Vec<Vec<f64>> =
             unknowns.iter().map(|&index| pixel_derivatives(camera, &shown, index)).collect();
@@ -176,10 +185,23 @@ pub fn with_placement_covariance(
     };
     let by_place = jacobian(&q);
     let Some(inverse) = (by_place.transpose() * &by_place).try_inverse() else { return *camera };
-    let gain = -(&inverse * by_place.transpose() * jacobian(&p));
+    let by_noise = inverse * by_place.transpose();
+    let gain = -(&by_noise * jacobian(&p));
+    let by_world = jacobian(&placed[..3]);
     let known = DMatrix::from_fn(p.len(), p.len(), |i, j| camera.covariance.0[p[i]][p[j]]);
     let across = &gain * &known;
-    let place = &across * gain.transpose() + inverse * (sigma * sigma);
+    let mut place = &across * gain.transpose();
+    for (point, ControlPointNoise { pixel, world }) in noises.iter().enumerate() {
+        let of_world = |a: usize, b: usize, axis: usize| {
+            world[axis].powi(2) * by_world[(2 * point + a, axis)] * by_world[(2 * point + b, axis)]
+        };
+        let noise = DMatrix::from_fn(2, 2, |a, b| {
+            let own = if a == b { pixel * pixel } else { 0.0 };
+            own + (0..3).map(|axis| of_world(a, b, axis)).sum::<f64>()
+        });
+        let by_point = by_noise.columns(2 * point, 2);
+        place += by_point * noise * by_point.transpose();
+    }
     let mut covariance = camera.covariance;
     for index in placed {
         covariance.0[index] = [0.0; Covariance::SIZE];
@@ -424,15 +446,19 @@ mod tests {
             let mut squares = [0.0; 2];
             for _ in 0..DRAWS {
                 let errors = SIGMAS.map(|(_, sigma)| sigma * normal());
-                let points: Vec<ControlPoint> = world
+                let noise = ControlPointNoise { pixel: 1.0, world: [0.02, 0.02, 0.0] };
+                let points: Vec<(ControlPoint, ControlPointNoise)> = world
                     .iter()
                     .map(|&world| {
                         let p = truth.world_to_pixel(world).unwrap();
-                        ControlPoint { pixel: Pixel { u: p.u + normal(), v: p.v + normal() }, world }
+                        let pixel = Pixel { u: p.u + normal(), v: p.v + normal() };
+                        let (x, y) = (world.x + 0.02 * normal(), world.y + 0.02 * normal());
+                        (ControlPoint { pixel, world: WorldPoint { x, y, ..world } }, noise)
                     })
                     .collect();
-                let placed = from_control_points(&changed(|k| errors[k]), &points, fixed_height).unwrap();
-                let found = with_placement_covariance(&placed, &points, 1.0, fixed_height.is_some());
+                let bare: Vec<ControlPoint> = points.iter().map(|(point, _)| *point).collect();
+                let placed = from_control_points(&changed(|k| errors[k]), &bare, fixed_height).unwrap();
+                let found = with_placement_covariance(&placed, &points, fixed_height.is_some());
                 let z = found.covariance.sigma(Covariance::Z);
                 assert_eq!(z.is_some(), fixed_height.is_none());
                 let [length, length_sigma] = floor_length(&found);

@@ -252,7 +252,7 @@ impl Editor {
         if !marks.is_empty() {
             for index in marks {
                 let Some(mark) = session.site.marks.get_mut(index) else { continue };
-                mark.forget_survey();
+                mark.remove_map_coordinates();
                 mark.at_m.x += 0.1 * by[0];
                 mark.at_m.y -= 0.1 * by[1];
             }

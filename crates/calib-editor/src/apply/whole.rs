@@ -84,7 +84,11 @@ impl Editor {
         let follows_pins = is_on_pins(&self.session, index);
         if let Some(own) = self.session.site.marks.get_mut(index) {
             let is_resized = own.size_m != mark.size_m;
+            let is_moved = own.at_m != mark.at_m;
             *own = mark;
+            if is_moved {
+                own.remove_map_coordinates();
+            }
             if is_resized && follows_pins {
                 self.session.solve();
                 move_to_pins(&mut self.session, index);

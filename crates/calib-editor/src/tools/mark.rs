@@ -95,7 +95,7 @@ pub(crate) fn is_on_pins(session: &Session, index: usize) -> bool {
 /// Moves a mark onto its pins, in the frame of an unplaced camera.
 pub(crate) fn move_to_pins(session: &mut Session, index: usize) {
     let Some((at, turn_deg)) = pinned_position(session, index) else { return };
-    if let Some(mark) = session.site.marks.get_mut(index) {
+    if let Some(mark) = session.site.marks.get_mut(index).filter(|mark| !mark.has_map_coordinates()) {
         ([mark.at_m.x, mark.at_m.y], mark.turn_deg) = (at, turn_deg);
     }
 }
@@ -177,7 +177,7 @@ impl MarkDrag {
         let under = pointer.floor(session, self.height);
         let snaps = session.tool.snap && pointer.pane == Pane::Plan;
         let Some(mark) = session.site.marks.get_mut(self.mark) else { return };
-        mark.forget_survey();
+        mark.remove_map_coordinates();
         if let Some(z) = raised {
             mark.at_m.z = z;
         } else if let Some(under) = under {

@@ -1,5 +1,4 @@
-//! Tools that draw the surroundings on the plan, corner by corner: walls that block the view, and areas of
-//! interest.
+//! Tools that draw on the plan, corner by corner: walls that block the view, and areas of interest.
 
 use std::collections::HashSet;
 
@@ -136,9 +135,12 @@ impl Tool for Survey {
         match (self.shape, set) {
             (Shape::Walls, 0) => "Click the corners of a wall on the plan.".into(),
             (Shape::Area, 0) => "Click the corners of an area of interest on the plan.".into(),
-            _ if set >= self.min_corners() => {
+            (_, 3..) => {
                 "Click the next corner, or the first one to close.  Enter: finish  Backspace: remove the last corner"
                     .into()
+            }
+            (Shape::Walls, 2) => {
+                "Click the next corner.  Enter: finish  Backspace: remove the last corner".into()
             }
             _ => "Click the next corner.".into(),
         }

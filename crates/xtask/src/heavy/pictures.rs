@@ -1,7 +1,7 @@
 //! `cargo xtask pictures`: the pictures of the README and of the guide, taken from the app in Chromium.
 //!
-//! `pictures.mjs` draws in the page and saves screenshots. The screenshots `moving-*` become the moving picture
-//! of the README. The others become the pictures of the guide.
+//! `pictures.mjs` draws in the page and saves screenshots. The screenshots `moving-*` become the animation of
+//! the README. The others become the pictures of the guide.
 
 use std::fs::File;
 use std::io::BufWriter;
@@ -15,12 +15,12 @@ use crate::heavy::browser;
 use crate::heavy::demo_images::demo_images;
 use crate::workspace::root;
 
-/// Moving picture of the README.
+/// Animation of the README.
 const MOVING: &str = ".github/calibration.png";
 /// Folder of the guide's pictures.
 const GUIDE: &str = "docs/src/pictures";
 
-/// Takes all pictures anew. `web` is the folder of the page. The page is built first, unless `as_is` is set.
+/// Takes all pictures again. `web` is the folder of the page. The page is built first, unless `as_is` is set.
 pub(crate) fn run(web: &Path, as_is: bool) -> anyhow::Result<()> {
     let work = root().join("target/pictures");
     if work.exists() {
