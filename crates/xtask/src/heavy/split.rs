@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
 /// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
-const REST: [&str; 96] = [
+const REST: [&str; 99] = [
     // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
@@ -26,6 +26,8 @@ const REST: [&str; 96] = [
     "calib_report::plan_view",
     "calib_report::coverage_layer",
     "calib_report::coverage_page",
+    "calib_report::measurement_section",
+    "calib_report::summary",
     "calib_site::coverage",
     "calib_site::coordinate_system",
     "calib_site::georeference_step",
@@ -71,6 +73,7 @@ const REST: [&str; 96] = [
     "calib_editor::tools::link",
     "calib_editor::tools::mark",
     "calib_editor::tools::measure",
+    "calib_editor::tools::survey",
     "calib_plan::dxf",
     "calib_plan::map_position",
     "calib_plan::read",
