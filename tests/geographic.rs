@@ -689,7 +689,7 @@ fn with_crosses(random: &mut ChaCha8Rng, mut document: Value, sigma: f64) -> Val
     let (sin, cos) = 40_f64.to_radians().sin_cos();
     let plane = TangentPlane::new(origin(), 90_f64.to_radians());
     let mut marks = Vec::new();
-    for k in 0..16_u32 {
+    for k in 0..20_u32 {
         let side = if k.is_multiple_of(2) { 4.0 } else { -4.0 };
         let at = WorldPoint::new(20.0 + 20.0 * f64::from(k), side, 0.0);
         let points =
