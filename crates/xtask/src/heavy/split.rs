@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
 /// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
-const REST: [&str; 99] = [
+const REST: [&str; 103] = [
     // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
@@ -46,7 +46,10 @@ const REST: [&str; 99] = [
     "kurbo::cubicbez",
     "kurbo::offset",
     "kurbo::stroke",
+    "calib_app::compare::panel::judgement",
+    "calib_app::compare::panel::since",
     "calib_app::export",
+    "calib_app::files::answers",
     "calib_app::annotate::annotations::usual_size_menu",
     "calib_app::annotate::links",
     "calib_app::annotate::measurements",
@@ -68,6 +71,7 @@ const REST: [&str; 99] = [
     "calib_app::state::coverage",
     "calib_app::state::measurements",
     "calib_app::shell::palette",
+    "calib_editor::apply::places",
     "calib_editor::apply::proposing",
     "calib_editor::tools::control",
     "calib_editor::tools::link",
