@@ -8,6 +8,7 @@ use calib_site::{Measurement, MeasurementKind, MeasurementPoint};
 
 use crate::planes::{add_plane, set_region};
 use crate::session::Session;
+use crate::tools::corners::Corners;
 use crate::tools::{Pane, Phase, Pointer, Tool, plan_scale};
 
 /// Tool that measures between two points of the images, or selects two points of the plan, whose distance the
@@ -145,9 +146,7 @@ impl Tool for Measure {
 /// Tool that draws the region of the selected plane, or of a new one.
 #[derive(Debug, Default)]
 pub(super) struct Region {
-    /// Corners of the unfinished region, in floor metres; the last one follows the pointer. Empty if no
-    /// gesture is in progress.
-    corners: Vec<FloorPoint>,
+    corners: Corners,
     is_done: bool,
 }
 
@@ -168,8 +167,7 @@ impl Region {
     /// Finishes the region without the corner that follows the pointer. Fewer than three corners are
     /// discarded.
     fn finish(&mut self, session: &mut Session) {
-        let mut corners = std::mem::take(&mut self.corners);
-        corners.pop();
+        let corners = self.corners.take();
         let Some(index) = Self::show(session, &corners) else {
             session.note = Some("Click at least three corners.".into());
             return;
@@ -186,26 +184,11 @@ impl Tool for Region {
         if pointer.pane != Pane::Plan {
             return;
         }
-        let at = FloorPoint::from(pointer.at);
-        let Some(last) = self.corners.last_mut() else {
-            if pointer.phase == Phase::Press {
-                self.corners = vec![at, at];
-            }
-            return;
-        };
-        *last = at;
-        let set = self.corners.len() - 1;
-        let closes = set >= 3 && self.corners[0].distance(at) <= pointer.radius;
-        // The first press adds the first corner; its release does not add the second one.
-        let is_new = self.corners[set - 1].distance(at) > 0.5 * pointer.radius;
-        if pointer.phase == Phase::Release && (closes || pointer.double && set >= 3) {
+        if self.corners.follow(pointer.at.into(), pointer, 3).is_some() {
             self.finish(session);
-            return;
+        } else if !self.corners.is_empty() {
+            Self::show(session, self.corners.all());
         }
-        if pointer.phase == Phase::Release && is_new {
-            self.corners.push(at);
-        }
-        Self::show(session, &self.corners);
     }
 
     fn accept(&mut self, session: &mut Session) {
@@ -215,13 +198,11 @@ impl Tool for Region {
     }
 
     fn step_back(&mut self, session: &mut Session) -> bool {
-        let Some(end) = self.corners.pop() else { return false };
-        self.corners.pop();
-        if !self.corners.is_empty() {
-            self.corners.push(end);
+        let has_gesture = self.corners.step_back();
+        if has_gesture {
+            Self::show(session, self.corners.all());
         }
-        Self::show(session, &self.corners);
-        true
+        has_gesture
     }
 
     fn cancel(&mut self) {
@@ -239,7 +220,7 @@ impl Tool for Region {
     fn hint(&self, session: &Session) -> String {
         let plane = session.tool.plane.and_then(|plane| session.site.planes.get(plane));
         let of = plane.map_or("a new plane", |plane| plane.id.as_str());
-        match 4_usize.saturating_sub(self.corners.len()) {
+        match 3_usize.saturating_sub(self.corners.set()) {
             _ if self.corners.is_empty() => format!("Click the corners of {of} on the plan."),
             0 => "Click the next corner, or the first one to close.  Enter: close".into(),
             left => format!("Click the next corner; {left} more needed."),
@@ -247,13 +228,10 @@ impl Tool for Region {
     }
 
     fn dragged_point(&self) -> Option<(Pane, [f64; 2])> {
-        self.corners.last().map(|&at| (Pane::Plan, at.into()))
+        self.corners.dragged_point()
     }
 
     fn preview_lines(&self, pane: Pane) -> Vec<Vec<[f64; 2]>> {
-        if pane != Pane::Plan || self.corners.is_empty() {
-            return Vec::new();
-        }
-        vec![self.corners.iter().map(|&at| at.into()).collect()]
+        self.corners.preview_lines(pane)
     }
 }

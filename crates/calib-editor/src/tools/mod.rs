@@ -3,6 +3,7 @@
 //! - `segment`, `polyline`: lines, straight edges and the field of view.
 //! - `place`, `mark`: drags of cameras and marks. `select`: selection and drags of parts.
 //! - `link`, `control`: links between views, and control points.
+//! - `corners`: corners of a shape on the plan, shared by the next two.
 //! - `measure`: measurements, scale of the plan, and regions of planes. `survey`: walls and areas of interest.
 
 mod segment;
@@ -12,6 +13,7 @@ mod mark;
 mod select;
 mod link;
 mod control;
+mod corners;
 mod measure;
 mod survey;
 

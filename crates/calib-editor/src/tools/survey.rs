@@ -6,8 +6,9 @@ use calib_core::FloorPoint;
 use calib_site::{Area, Site, WallEntry};
 
 use crate::session::Session;
+use crate::tools::corners::Corners;
 use crate::tools::place::{SNAP_M, round};
-use crate::tools::{Pane, Phase, Pointer, Tool};
+use crate::tools::{Pane, Pointer, Tool};
 
 /// Shape that the tool draws.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,18 +23,16 @@ enum Shape {
 #[derive(Debug)]
 pub(super) struct Survey {
     shape: Shape,
-    /// Corners of the unfinished shape, in floor metres; the last one follows the pointer. Empty if no gesture is
-    /// in progress.
-    corners: Vec<FloorPoint>,
+    corners: Corners,
 }
 
 impl Survey {
-    pub(super) const fn walls() -> Self {
-        Self { shape: Shape::Walls, corners: Vec::new() }
+    pub(super) fn walls() -> Self {
+        Self { shape: Shape::Walls, corners: Corners::default() }
     }
 
-    pub(super) const fn area() -> Self {
-        Self { shape: Shape::Area, corners: Vec::new() }
+    pub(super) fn area() -> Self {
+        Self { shape: Shape::Area, corners: Corners::default() }
     }
 
     /// Returns the smallest number of corners.
@@ -47,8 +46,7 @@ impl Survey {
     /// Adds the shape without the corner that follows the pointer. `is_closed`: the last wall ends at the first
     /// corner. Too few corners are discarded.
     fn finish(&mut self, session: &mut Session, is_closed: bool) {
-        let mut corners = std::mem::take(&mut self.corners);
-        corners.pop();
+        let mut corners = self.corners.take();
         if corners.len() < self.min_corners() {
             session.note = Some(format!("Click at least {} corners.", self.min_corners()));
             return;
@@ -86,24 +84,8 @@ impl Tool for Survey {
         }
         let snapped = |value: f64| if session.tool.snap { round(value, SNAP_M) } else { value };
         let at = FloorPoint::from(pointer.at.map(snapped));
-        let Some(last) = self.corners.last_mut() else {
-            if pointer.phase == Phase::Press {
-                self.corners = vec![at, at];
-            }
-            return;
-        };
-        *last = at;
-        if pointer.phase != Phase::Release {
-            return;
-        }
-        let set = self.corners.len() - 1;
-        let closes = set >= 3 && self.corners[0].distance(at) <= pointer.radius;
-        // The first press adds the first corner; its release does not add the second one.
-        let is_new = self.corners[set - 1].distance(at) > 0.5 * pointer.radius;
-        if closes || pointer.double && set >= self.min_corners() {
-            self.finish(session, closes);
-        } else if is_new {
-            self.corners.push(at);
+        if let Some(is_closed) = self.corners.follow(at, pointer, self.min_corners()) {
+            self.finish(session, is_closed);
         }
     }
 
@@ -114,12 +96,7 @@ impl Tool for Survey {
     }
 
     fn step_back(&mut self, _session: &mut Session) -> bool {
-        let Some(end) = self.corners.pop() else { return false };
-        self.corners.pop();
-        if !self.corners.is_empty() {
-            self.corners.push(end);
-        }
-        true
+        self.corners.step_back()
     }
 
     fn cancel(&mut self) {
@@ -131,8 +108,7 @@ impl Tool for Survey {
     }
 
     fn hint(&self, _session: &Session) -> String {
-        let set = self.corners.len().saturating_sub(1);
-        match (self.shape, set) {
+        match (self.shape, self.corners.set()) {
             (Shape::Walls, 0) => "Click the corners of a wall on the plan.".into(),
             (Shape::Area, 0) => "Click the corners of an area of interest on the plan.".into(),
             (_, 3..) => {
@@ -147,13 +123,10 @@ impl Tool for Survey {
     }
 
     fn dragged_point(&self) -> Option<(Pane, [f64; 2])> {
-        self.corners.last().map(|&at| (Pane::Plan, at.into()))
+        self.corners.dragged_point()
     }
 
     fn preview_lines(&self, pane: Pane) -> Vec<Vec<[f64; 2]>> {
-        if pane != Pane::Plan || self.corners.is_empty() {
-            return Vec::new();
-        }
-        vec![self.corners.iter().map(|&at| at.into()).collect()]
+        self.corners.preview_lines(pane)
     }
 }

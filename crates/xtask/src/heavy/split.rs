@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
 /// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
-const REST: [&str; 103] = [
+const REST: [&str; 104] = [
     // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
@@ -74,6 +74,7 @@ const REST: [&str; 103] = [
     "calib_editor::apply::places",
     "calib_editor::apply::proposing",
     "calib_editor::tools::control",
+    "calib_editor::tools::corners",
     "calib_editor::tools::link",
     "calib_editor::tools::mark",
     "calib_editor::tools::measure",
