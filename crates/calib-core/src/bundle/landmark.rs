@@ -325,6 +325,12 @@ fn point_errors(
 }
 
 impl Landmark {
+    /// Whether x and y of the landmark are fixed or have priors.
+    pub(crate) fn is_measured(&self) -> bool {
+        let is_known = |k: usize| !self.free[k] || self.priors.iter().any(|(prior, _)| *prior == k);
+        !matches!(self.model, LandmarkModel::Line { .. }) && is_known(0) && is_known(1)
+    }
+
     /// Returns the redundancy of the landmark: number of residuals minus number of free parameters.
     pub fn redundancy(&self) -> i64 {
         let unknowns = self.free.iter().filter(|&&free| free).count();

@@ -56,7 +56,7 @@ impl BundleProblem<'_> {
             }
         };
         (0..self.views.len()).for_each(|view| correct(self.camera_axes(view), corrections[view].shift));
-        for landmark in (0..self.landmarks.len()).filter(|&landmark| !is_measured(&self.landmarks[landmark]))
+        for landmark in (0..self.landmarks.len()).filter(|&landmark| !self.landmarks[landmark].is_measured())
         {
             let seen = &self.landmarks[landmark].observations;
             let position = of_landmark(landmark).0;
@@ -73,7 +73,7 @@ impl BundleProblem<'_> {
     /// Returns the active landmarks with measured positions.
     fn measured(&self) -> impl Iterator<Item = usize> + '_ {
         let landmarks = self.landmarks.iter().enumerate();
-        landmarks.filter(|(_, landmark)| !landmark.off && is_measured(landmark)).map(|(index, _)| index)
+        landmarks.filter(|(_, landmark)| !landmark.off && landmark.is_measured()).map(|(index, _)| index)
     }
 
     /// Returns the indices of x and y of a camera in the state.
@@ -97,12 +97,6 @@ impl BundleProblem<'_> {
 /// Whether both x and y are free.
 fn is_free(axes: Axes) -> bool {
     axes.iter().all(Option::is_some)
-}
-
-/// Whether x and y of a landmark are fixed or have priors.
-fn is_measured(landmark: &Landmark) -> bool {
-    let is_known = |k: usize| !landmark.free[k] || landmark.priors.iter().any(|(prior, _)| *prior == k);
-    !matches!(landmark.model, LandmarkModel::Line { .. }) && is_known(0) && is_known(1)
 }
 
 #[cfg(test)]

@@ -25,14 +25,15 @@ pub(crate) fn is_known(landmark: &Landmark) -> bool {
         || is_measured_mark(landmark)
 }
 
-/// Whether a landmark is a mark whose position has priors. Its rotation may be unknown.
+/// Whether a landmark is a mark with a measured position. Its rotation may be unknown.
 fn is_measured_mark(landmark: &Landmark) -> bool {
-    let has_prior = |k: usize| landmark.priors.iter().any(|(prior, _)| *prior == k);
-    matches!(landmark.model, LandmarkModel::Mark { .. }) && has_prior(0) && has_prior(1)
+    matches!(landmark.model, LandmarkModel::Mark { .. }) && landmark.is_measured()
 }
 
-/// Whether a point of a known landmark has a known position at the start. Of a mark whose rotation is unknown,
-/// these are the points on its axis, if any of them is observed.
+/// Whether the position of a point is known before the adjustment. The landmark itself is known.
+///
+/// All points are known if the landmark is not a mark, or its rotation is fixed. Otherwise the points on the
+/// vertical axis are known. If no such point is observed, the initial rotation is used for all points.
 pub(crate) fn is_known_point(landmark: &Landmark, point: usize) -> bool {
     let LandmarkModel::Mark { points, .. } = &landmark.model else { return true };
     let is_on_axis = |point: usize| points.get(point).is_some_and(|[x, y, _]| x.hypot(*y) < 1e-9);
@@ -46,15 +47,17 @@ pub fn triangulate(
     cameras: &[Camera],
     by: &dyn Fn(usize) -> bool,
 ) -> Option<(LandmarkModel, [f64; LANDMARK_PARAMS])> {
-    let seen: Vec<Observation> = landmark.observations.iter().filter(|seen| by(seen.view)).copied().collect();
+    let seen = || -> Vec<Observation> {
+        landmark.observations.iter().filter(|seen| by(seen.view)).copied().collect()
+    };
     if is_known(landmark) {
         let [x, y, mut third] = landmark.params;
         if landmark.free[2] && is_measured_mark(landmark) {
-            third = from_observations(landmark, &seen, cameras).map_or(third, |(_, [_, _, turn])| turn);
+            third = from_observations(landmark, &seen(), cameras).map_or(third, |(_, [_, _, turn])| turn);
         }
         return Some((landmark.model.clone(), [x, y, third]));
     }
-    let (model, found) = from_observations(landmark, &seen, cameras)?;
+    let (model, found) = from_observations(landmark, &seen(), cameras)?;
     let params = std::array::from_fn(|k| if landmark.free[k] { found[k] } else { landmark.params[k] });
     params.iter().all(|value| value.is_finite()).then_some((model, params))
 }
