@@ -13,11 +13,10 @@ use crate::widgets::{entered_text, heading, length_field};
 /// Shows the areas and walls, and the buttons that draw new ones.
 pub(crate) fn survey_ui(app: &mut App, ui: &mut Ui) {
     heading(ui, "Areas and walls", "for the coverage");
-    let site = app.editor.site().clone();
-    for (index, area) in site.areas.iter().enumerate() {
+    for (index, area) in app.editor.site().areas.clone().iter().enumerate() {
         area_row(app, ui, index, area);
     }
-    for (index, wall) in site.walls.iter().enumerate() {
+    for (index, wall) in app.editor.site().walls.clone().iter().enumerate() {
         wall_row(app, ui, index, wall);
     }
     ui.horizontal(|ui| {
