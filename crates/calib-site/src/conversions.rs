@@ -298,8 +298,8 @@ impl ControlPointEntry {
         self.sigma_m.filter(|_| !has_both).unwrap_or(0.0)
     }
 
-    /// Returns the standard deviations of the pixel and of the world coordinates. `sigma_px` is that of a pixel
-    /// without its own, in pixels. On a map or plan, only the horizontal position has the error of the survey.
+    /// Returns the standard deviations of the pixel and of the world coordinates. If the entry has no `sigma_px`,
+    /// the argument is used, in pixels. Points of a map or plan have an exact height above the floor.
     pub(crate) fn noise(&self, sigma_px: f64) -> ControlPointNoise {
         let sigma = self.position_sigma();
         let is_level = self.world_m.is_none() && self.alt_m.is_none();
