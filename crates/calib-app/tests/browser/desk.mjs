@@ -44,6 +44,12 @@ export class Desk {
   /** Waits until all images are read and the site is stored. */
   settled() { return this.until("settled", (state) => state.reading === 0 && !state.behind, 300); }
 
+  /** Waits until the page has drawn a frame with all events so far. A press and a release in one frame would not be a drag. */
+  async painted(milliseconds = 40) {
+    await this.page.waitForTimeout(milliseconds);
+    await this.page.evaluate(() => new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve))));
+  }
+
   /** Returns the centre of the widget whose name starts with `name`. */
   async place(name) {
     const handle = this.page.locator(`#mirror [data-at]`).and(this.page.locator(`[aria-label^="${name}"]`)).first();
@@ -54,15 +60,16 @@ export class Desk {
   async press(name) {
     const [x, y] = await this.place(name);
     await this.page.mouse.move(x, y);
+    await this.painted();
     await this.page.mouse.down();
-    await this.page.waitForTimeout(30);
+    await this.painted();
     await this.page.mouse.up();
-    await this.page.waitForTimeout(150);
+    await this.painted(150);
   }
 
   async key(key) {
     await this.page.keyboard.press(key);
-    await this.page.waitForTimeout(80);
+    await this.painted(80);
   }
 
   /** Returns the screen position of a point in a pane. */
@@ -81,14 +88,17 @@ export class Desk {
     for (const point of points) places.push(await this.screen(pane, point));
     const { mouse, keyboard } = this.page;
     await mouse.move(...places[0]);
-    await this.page.waitForTimeout(40);
+    await this.painted();
     await mouse.down();
     if (modifier) await keyboard.down(modifier);
-    for (const place of places.slice(1)) await mouse.move(...place, { steps: 6 });
-    await this.page.waitForTimeout(40);
+    await this.painted();
+    for (const place of places.slice(1)) {
+      await mouse.move(...place, { steps: 6 });
+      await this.painted();
+    }
     await mouse.up();
     if (modifier) await keyboard.up(modifier);
-    await this.page.waitForTimeout(60);
+    await this.painted();
   }
 
   /** Opens a site with one simple image. */

@@ -54,7 +54,7 @@ async function place(desk, model) {
   for (let i = 0; i < 4; i += 1) await desk.key("-");
   // The view is fitted to the plan after its image is loaded.
   await desk.settled();
-  await desk.page.waitForTimeout(300);
+  await desk.painted(300);
   const { position_m: [x, y] } = (await desk.state()).site.cameras[0].solution;
   await desk.drag("Plan", [[x, y], [x + 1, y + 1], model.cameras[0].solution.position_m.slice(0, 2)]);
   const { site } = await desk.until("placed", (state) => state.site.cameras[0].solution?.stage === "placed");
@@ -91,7 +91,7 @@ async function calibrate(name, url, keep) {
   const before = (await desk.state()).site;
   await desk.page.reload();
   await desk.page.waitForFunction(() => document.documentElement.dataset.shown);
-  await desk.page.waitForTimeout(800);
+  await desk.painted(800);
   await desk.picture(`${name}-again`);
   await desk.press("Continue");
   const after = (await desk.until("restored", (state) => state.site.cameras?.length > 0)).site;
@@ -194,7 +194,7 @@ async function panic() {
   assert.deepEqual(JSON.parse(readFileSync(site, "utf8")).cameras[0].annotations, before.cameras[0].annotations);
   await desk.page.getByText("Reload the page").click();
   await desk.page.waitForFunction(() => document.documentElement.dataset.shown);
-  await desk.page.waitForTimeout(500);
+  await desk.painted(500);
   await desk.press("Continue");
   const after = (await desk.until("restored", (state) => state.site.cameras?.length > 0)).site;
   assert.deepEqual(after.cameras[0].annotations, before.cameras[0].annotations);
@@ -210,7 +210,7 @@ async function context() {
   await desk.page.getByText("The graphics context was lost").waitFor();
   await desk.picture("context-lost");
   await desk.page.getByText("The graphics context was lost").waitFor({ state: "hidden", timeout: 60_000 });
-  await desk.page.waitForTimeout(500);
+  await desk.painted(500);
   await desk.stroke(900);
   await desk.settled();
   await desk.picture("context-back");
@@ -433,7 +433,7 @@ async function drawing() {
   await desk.settled();
   assert(site.plan, "a plan");
   await desk.key("2");
-  await desk.page.waitForTimeout(400);
+  await desk.painted(400);
   await desk.picture("drawing");
   await desk.settled();
   const saved = path.join(scratch, "drawing.json");
@@ -465,7 +465,7 @@ async function drawing() {
   const hall = await desk.until("the DXF", (state) => state.site.plan?.metres_per_px === 0.005);
   assert.deepEqual(hall.site.plan.origin_px, [24, 2424], "the origin of the drawing");
   await desk.key("2");
-  await desk.page.waitForTimeout(800);
+  await desk.painted(800);
   await desk.picture("drawing-dxf");
   desk.fine();
   await desk.context.close();
@@ -481,9 +481,9 @@ async function touch() {
   const fingers = (type, points) => session.send("Input.dispatchTouchEvent", { type, touchPoints: points.map(([x, y], id) => ({ x, y, id })) });
   const on = await desk.screen("Image(0)", [502.5, 450]);
   await fingers("touchStart", [on]);
-  await desk.page.waitForTimeout(1200);
+  await desk.painted(1200);
   await fingers("touchEnd", []);
-  await desk.page.waitForTimeout(300);
+  await desk.painted(300);
   await desk.picture("touch");
   await desk.press("Delete the selection");
   await desk.until("deleted", (state) => !state.site.cameras[0].annotations?.length);
@@ -493,7 +493,7 @@ async function touch() {
   await fingers("touchStart", [[x - 20, y], [x + 20, y]]);
   for (let d = 25; d <= 80; d += 5) await fingers("touchMove", [[x - d, y], [x + d, y]]);
   await fingers("touchEnd", []);
-  await desk.page.waitForTimeout(300);
+  await desk.painted(300);
   const after = await zoom();
   assert(after > 2 * before, `${before} to ${after}`);
   assert(!(await desk.state()).site.cameras[0].annotations?.length, "two fingers draw nothing");
