@@ -65,7 +65,9 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     }
     let stale = folder.join("plan.png");
     match demo.site.plan.as_ref().and_then(|plan| plan.image.as_deref()) {
-        Some(plan) => files::write_atomically(&folder.join(plan), &picture::png(&demo.plan)?)?,
+        Some(plan) => {
+            files::write_atomically(&folder.join(plan), &picture::png(&calib_demo::render_plan())?)?;
+        }
         // A plan left by an earlier run would seem to belong to this site.
         None if stale.exists() => {
             std::fs::remove_file(&stale).context("removing the plan of an earlier run")?;

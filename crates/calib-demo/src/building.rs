@@ -64,7 +64,7 @@ const fn vent(from: f32) -> Opening {
 }
 
 /// All walls of the building.
-pub(crate) const WALLS: [Wall; 9] = [
+pub(crate) static WALLS: [Wall; 9] = [
     Wall {
         foot: [-0.3, 14.4, 30.3, 14.7],
         height: 4.9,

@@ -50,6 +50,7 @@ mod walk;
 mod checks;
 
 pub use picture::{render, render_later};
+pub use plan::render_plan;
 pub use site::{DemoSite, KnownLens, changed_cameras, demo_site, demo_site_with, demo_site_without_plan};
 pub use walk::{Crowd, FootDetection, PoseChange, SECOND, Walk, walk};
 pub use world::visible;

@@ -6,6 +6,7 @@ use image::{Rgb, RgbImage};
 
 use crate::building::{COLUMN, COLUMNS, Filling, Opening, WALLS, Wall};
 use crate::picture::render_rows;
+use crate::stage::Outline;
 use crate::world::world;
 
 /// Scale of the plan, in pixels per metre.
@@ -40,15 +41,17 @@ pub(crate) fn plan_entry() -> Plan {
     }
 }
 
-/// Draws the image of the plan: dark walls, doors with arcs of their leaves, furniture in light grey.
-pub(crate) fn plan() -> RgbImage {
+/// Draws the image of the demonstration's floor plan: dark walls, doors with arcs of their leaves, furniture in
+/// light grey.
+#[must_use]
+pub fn render_plan() -> RgbImage {
     let width = ((EXTENT[2] - EXTENT[0] + 2.0 * BORDER) * SCALE).round() as usize;
     let height = ((EXTENT[3] - EXTENT[1] + 2.0 * BORDER) * SCALE).round() as usize;
     let PlanPixel { x: origin_x, y: origin_y } = plan_entry().origin_px;
-    let at = |column: f32, row: f32| {
-        brightness((column - origin_x as f32) / SCALE, (origin_y as f32 - row) / SCALE)
-    };
+    let y_of = |row: f32| (origin_y as f32 - row) / SCALE;
     let shades = render_rows(width, height, |row, shades: &mut [u8]| {
+        let objects = Objects::between(y_of((row + 1) as f32), y_of(row as f32));
+        let at = |column: f32, row: f32| objects.brightness((column - origin_x as f32) / SCALE, y_of(row));
         let corners: Vec<f32> =
             (0..2 * width + 2).map(|i| at((i / 2) as f32, (row + i % 2) as f32)).collect();
         for (column, shade) in shades.iter_mut().enumerate() {
@@ -72,35 +75,57 @@ pub(crate) fn plan() -> RgbImage {
     })
 }
 
-/// Returns the brightness of the plan, from 0 to 255, at a floor point in metres.
-fn brightness(x: f32, y: f32) -> f32 {
-    let within = |[x0, y0, x1, y1]: [f32; 4]| x >= x0 && x < x1 && y >= y0 && y < y1;
-    for [cx, cy] in COLUMNS {
-        if within([cx - COLUMN, cy - COLUMN, cx + COLUMN, cy + COLUMN]) {
-            return WALL;
+/// Half the width of the outlines of furniture, in metres.
+const HALF_OUTLINE: f32 = 0.025;
+
+/// Objects that a row of pixels can contain.
+struct Objects {
+    columns: Vec<[f32; 2]>,
+    walls: Vec<&'static Wall>,
+    outlines: Vec<Outline>,
+}
+
+impl Objects {
+    /// Returns the objects between two y, in metres.
+    fn between(from: f32, to: f32) -> Self {
+        let meets = |y0: f32, y1: f32, margin: f32| y0 - margin <= to && y1 + margin >= from;
+        // The leaf of an open door is as long as its opening is wide.
+        let reach =
+            |wall: &Wall| wall.openings.iter().map(|o| o.span[1] - o.span[0]).fold(0.0, f32::max) + 0.1;
+        Self {
+            columns: COLUMNS.into_iter().filter(|[_, y]| meets(*y, *y, COLUMN)).collect(),
+            walls: WALLS.iter().filter(|wall| meets(wall.foot[1], wall.foot[3], reach(wall))).collect(),
+            outlines: world().outlines.iter().copied().filter(|o| meets(o[1], o[3], HALF_OUTLINE)).collect(),
         }
     }
-    for wall in &WALLS {
-        if let Some(ink) = opening_brightness(wall, x, y) {
-            return ink;
+
+    /// Returns the brightness of the plan, from 0 to 255, at a floor point in metres.
+    fn brightness(&self, x: f32, y: f32) -> f32 {
+        let within = |[x0, y0, x1, y1]: [f32; 4]| x >= x0 && x < x1 && y >= y0 && y < y1;
+        for [cx, cy] in &self.columns {
+            if within([cx - COLUMN, cy - COLUMN, cx + COLUMN, cy + COLUMN]) {
+                return WALL;
+            }
         }
-        if within(wall.foot) {
-            return WALL;
+        for wall in &self.walls {
+            if let Some(ink) = opening_brightness(wall, x, y) {
+                return ink;
+            }
+            if within(wall.foot) {
+                return WALL;
+            }
         }
-    }
-    let edge = |&[x0, y0, x1, y1]: &[f32; 4]| {
-        /// Half the width of an outline, in metres.
-        const HALF_LINE: f32 = 0.025;
-        within([x0 - HALF_LINE, y0 - HALF_LINE, x1 + HALF_LINE, y1 + HALF_LINE])
-            && !within([x0 + HALF_LINE, y0 + HALF_LINE, x1 - HALF_LINE, y1 - HALF_LINE])
-    };
-    let outlines = &world().outlines;
-    if outlines.iter().any(edge) {
-        FURNITURE
-    } else if outlines.iter().any(|&outline| within(outline)) {
-        246.0
-    } else {
-        PAPER
+        let widened = |[x0, y0, x1, y1]: Outline, by: f32| [x0 - by, y0 - by, x1 + by, y1 + by];
+        let is_edge = |&outline: &Outline| {
+            within(widened(outline, HALF_OUTLINE)) && !within(widened(outline, -HALF_OUTLINE))
+        };
+        if self.outlines.iter().any(is_edge) {
+            FURNITURE
+        } else if self.outlines.iter().any(|&outline| within(outline)) {
+            246.0
+        } else {
+            PAPER
+        }
     }
 }
 
@@ -160,7 +185,7 @@ mod tests {
 
     #[test]
     fn the_plan_shows_walls_and_columns_where_they_are() {
-        let (picture, entry) = (plan(), plan_entry());
+        let (picture, entry) = (render_plan(), plan_entry());
         let shade = |x: f64, y: f64| {
             let at = entry.scale().plan_from_floor(FloorPoint { x, y });
             picture.get_pixel(at.x as u32, at.y as u32).0[0]

@@ -15,7 +15,6 @@ use calib_core::{
 use calib_site::{
     Distance, DistortionEntry, Format, LensEntry, Mark, MarkObservation, PlacementEntry, Site, SiteCamera,
 };
-use image::RgbImage;
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
@@ -23,7 +22,7 @@ use crate::edge::Edge;
 use crate::element::{barn_landmarks, control_points, links, marks, shop_landmarks};
 use crate::hand::annotation_plan;
 use crate::hand::{Operator, TREMOR};
-use crate::plan::{plan, plan_entry};
+use crate::plan::plan_entry;
 use crate::random::normal;
 use crate::world::{is_shown, visible};
 
@@ -181,8 +180,6 @@ pub struct DemoSite {
     pub site: Site,
     /// Id and true camera, in the order of the site.
     pub truth: Vec<(String, Camera)>,
-    /// Image of the floor plan; a site without a plan ignores it.
-    pub plan: RgbImage,
 }
 
 /// Distortion of the cameras with distorted lenses, as entered in the site.
@@ -206,7 +203,7 @@ pub fn demo_site() -> DemoSite {
 #[must_use]
 pub fn demo_site_with(lens: KnownLens) -> DemoSite {
     let truth = cameras().into_iter().map(|(id, camera, _)| (id.into(), camera)).collect();
-    DemoSite { site: site(lens, TREMOR), truth, plan: plan() }
+    DemoSite { site: site(lens, TREMOR), truth }
 }
 
 /// Creates the demonstration site without a plan: only links and marks connect its cameras.

@@ -20,7 +20,7 @@ pub(crate) fn demo_images() -> anyhow::Result<Vec<DemoImage>> {
         .map(|(name, camera, size)| DemoImage::new(name, &calib_demo::render(camera, size)))
         .collect::<anyhow::Result<_>>()?;
     if let Some(name) = demo.site.plan.as_ref().and_then(|plan| plan.image.clone()) {
-        pictures.push(DemoImage::new(name, &demo.plan)?);
+        pictures.push(DemoImage::new(name, &calib_demo::render_plan())?);
     }
     Ok(pictures)
 }
