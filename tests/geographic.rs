@@ -4,7 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
 use calib_core::floor::{Geographic, TangentPlane};
-use calib_core::outcome::Code;
+use calib_core::outcome::{Code, Finding};
 use calib_core::{Camera, WorldPoint};
 use calib_demo::random::normal;
 use calib_site::{CoordinateSystem, Options, Site, SiteCamera};
@@ -364,6 +364,30 @@ fn located_site(random: &mut ChaCha8Rng, sigma: f64) -> Value {
             "lat_deg": latitude.to_degrees(), "lon_deg": longitude.to_degrees()}));
     }
     document
+}
+
+#[test]
+fn a_camera_far_from_the_origin_of_the_map_is_reported() {
+    let finding = |distance: f64| {
+        let mut document = site(&mut ChaCha8Rng::seed_from_u64(6), 0.01, true);
+        document["georeference"] = json!({"lat_deg": 48.0, "lon_deg": 11.0, "x_axis_azimuth_deg": 90.0});
+        for point in document["cameras"][0]["control_points"].as_array_mut().unwrap() {
+            ["lat_deg", "lon_deg"].iter().for_each(|name| drop(point.as_object_mut().unwrap().remove(*name)));
+            point["world_m"][0] = json!(point["world_m"][0].as_f64().unwrap() + distance);
+        }
+        let site = Site::from_json(&document.to_string()).unwrap();
+        let report = site.calibrate(&Options::default());
+        let is_large = |finding: &&Finding| finding.code() == Code::LargeSite;
+        report.site_findings.iter().find(is_large).cloned()
+    };
+    assert_eq!(finding(4_950.0), None);
+    let Some(Finding::LargeSite { camera: 0, distance, drop }) = finding(7_200.0) else {
+        panic!("no finding at 7.2 km")
+    };
+    assert!((distance - 7_200.0).abs() < 50.0, "{distance} m");
+    // The plane is d^2 / 2R above the ground; the radius of curvature of the ellipsoid is 6,357 to 6,400 km.
+    let expected = distance * distance / (2.0 * 6.38e6);
+    assert!((drop / expected - 1.0).abs() < 0.005, "{drop} m instead of {expected} m");
 }
 
 #[test]

@@ -3,15 +3,20 @@
 
 use std::collections::HashSet;
 
-use calib_core::Camera;
 use calib_core::floor::{GeographicPair, GeoreferenceFit, Ruler, RulerPoint};
 use calib_core::outcome::{Finding, Subject, UnusedReason};
+use calib_core::{Camera, FloorPoint};
 use nalgebra::DMatrix;
 
 use crate::document::{ControlPointEntry, Site, SiteCamera};
 use crate::frame::Frame;
 use crate::geographic::SurveyedPosition;
 use crate::site_solution::GeoreferenceSolution;
+use crate::solution::{FailureEntry, Solution};
+
+/// Largest distance from the origin of the map that is not reported, in metres. There the ground is 2 m below the
+/// plane of the floor.
+const MAX_SITE_RADIUS: f64 = 5e3;
 
 /// Georeference of a site, and findings about its points.
 #[derive(Debug, Default)]
@@ -81,6 +86,30 @@ impl Site {
                 MapResult { georeference: None, findings: self.points_off_the_map().into_iter().collect() }
             }
         }
+    }
+
+    /// Reports the camera that is farthest from the point at which the floor touches the ellipsoid, if it is more
+    /// than [`MAX_SITE_RADIUS`] away.
+    ///
+    /// A plane at the distance d is d^2 / 2R above the ground, with the radius R of the earth, and its vertical
+    /// differs by d / R.
+    pub(crate) fn far_from_origin(
+        &self,
+        solved: Option<&GeoreferenceSolution>,
+        cameras: &[(usize, Result<Solution, FailureEntry>)],
+    ) -> Option<Finding> {
+        let georeference =
+            solved.map(GeoreferenceSolution::as_entered).or_else(|| self.entered_georeference().cloned())?;
+        let position = |(index, camera): &(usize, Result<Solution, FailureEntry>)| {
+            Some((*index, camera.as_ref().ok()?.position_m?.on_floor()))
+        };
+        let distance = |at: FloorPoint| at.x.hypot(at.y);
+        let (camera, at) =
+            cameras.iter().filter_map(position).max_by(|a, b| distance(a.1).total_cmp(&distance(b.1)))?;
+        let ground = georeference.tangent_plane().to_geographic(at.at_height(0.0));
+        let drop = ground.height - georeference.alt_m.unwrap_or(0.0);
+        let distance = distance(at);
+        (distance > MAX_SITE_RADIUS).then_some(Finding::LargeSite { camera, distance, drop })
     }
 
     /// Reports the control points with coordinates on the map that nothing connects to the site.

@@ -128,6 +128,8 @@ impl Site {
         let mut report = Report { cameras, findings, links, marks, planes, site, site_findings };
         let MapResult { georeference, findings } = self.solve_georeference(|| report.write_into(self));
         report.site.georeference = georeference;
+        let far = self.far_from_origin(report.site.georeference.as_ref(), &report.cameras);
+        let findings: Vec<Finding> = findings.into_iter().chain(far).collect();
         report.site.warnings.extend(self.warnings(None, &findings));
         report.site_findings.extend(findings);
         report

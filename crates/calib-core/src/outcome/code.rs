@@ -95,6 +95,8 @@ codes! {
         ScaleConflict = "scale-conflict",
         /// The camera is not connected to the rest of the site.
         NotConnected = "not-connected",
+        /// A camera is so far from the origin of the map that the earth's curvature matters.
+        LargeSite = "large-site",
     }
 }
 

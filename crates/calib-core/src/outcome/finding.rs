@@ -418,6 +418,15 @@ pub enum Finding {
         /// Distance, in metres.
         distance: f64,
     },
+    /// A camera is far from the point at which the floor touches the ellipsoid of the earth.
+    LargeSite {
+        /// Index of the camera.
+        camera: usize,
+        /// Distance from the touching point, in metres.
+        distance: f64,
+        /// Height of the plane of the floor above the curved ground at the camera, in metres.
+        drop: f64,
+    },
     /// A link or a mark was rejected as an outlier.
     ElementOutlier {
         /// Link or mark that was rejected.
@@ -530,6 +539,7 @@ impl Finding {
             Self::DistortionNotInvertible => Code::DistortionNotInvertible,
             Self::NotConnected { .. } | Self::UndeterminedPosition { .. } => Code::NotConnected,
             Self::ScaleUnknown { .. } => Code::ScaleUnknown,
+            Self::LargeSite { .. } => Code::LargeSite,
         }
     }
 
@@ -611,6 +621,7 @@ impl Finding {
                 cameras.first().map_or(Subject::Site, |&camera| Subject::Camera(camera))
             }
             Self::UndeterminedPosition { camera }
+            | Self::LargeSite { camera, .. }
             | Self::ScaleUnknown { root: camera, .. }
             | Self::TooManyCameras { first: camera, .. } => Subject::Camera(*camera),
             Self::Unused { subjects: what, .. } => what.first().copied().unwrap_or(Subject::Site),

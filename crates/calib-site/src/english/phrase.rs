@@ -328,6 +328,15 @@ impl SentenceContext<'_> {
         )
     }
 
+    pub(super) fn large_site(&self, camera: usize, distance: f64, drop: f64) -> String {
+        let [distance, drop] =
+            [(distance, 0), (drop, 1)].map(|(length, digits)| self.site.units.length(length, digits));
+        format!(
+            "Camera {} is {distance} from the origin of the site. The floor is a plane, and there the curved ground is {drop} below it.",
+            self.id(camera)
+        )
+    }
+
     pub(super) fn control_point_outlier(&self, camera: usize, point: usize) -> String {
         let name = self.control_point(self.site.cameras.get(camera), point);
         format!("Control point {name} contradicts the others and was rejected.")

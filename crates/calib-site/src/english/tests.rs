@@ -75,17 +75,19 @@ fn number(finding: &Finding) -> usize {
         F::OtherResolution { .. } => 51,
         F::UnknownSlope { .. } => 52,
         F::FarFromMap { .. } => 53,
+        F::LargeSite { .. } => 54,
     }
 }
 
 /// Returns the findings about the principal point, the resolution and the pixels of a lens, and about the map.
-fn lens_and_map_findings() -> [(Finding, Subject); 5] {
+fn lens_and_map_findings() -> [(Finding, Subject); 6] {
     use Finding as F;
     [
         (F::WrongPrincipalPoint { entered: PIXEL, estimated: PIXEL, is_exchanged: true }, Subject::Lens),
         (F::OffCentre { estimated: PIXEL, distance: 0.2 }, Subject::Lens),
         (F::PixelsNotSquare { size: [960, 1080], aspect: 2.0 }, Subject::Lens),
         (F::OtherResolution { entered: PIXEL, size: [2064, 1544] }, Subject::Lens),
+        (F::LargeSite { camera: 0, distance: 7200.0, drop: 4.1 }, Subject::Camera(0)),
         (
             F::FarFromMap { camera: 0, point: 0, distance: 25.0 },
             Subject::ControlPoint { camera: 0, point: 0 },
