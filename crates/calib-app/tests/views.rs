@@ -8,6 +8,7 @@ use calib_app::choice::{Chosen, Purpose};
 use calib_app::command::{self, Command};
 use calib_app::state::Place;
 use calib_app::storage::files::Images;
+use calib_core::floor::{Geographic, TangentPlane};
 use calib_core::{Annotation, Kind, Pixel, WorldPoint};
 use calib_editor::{Action, Pane, Part, PlanHandle, TOOLS, Units, plan_handles};
 use calib_site::Site;
@@ -49,6 +50,53 @@ fn lengths_are_shown_in_metres_or_feet_and_stored_in_metres() {
     assert!(left.is_empty(), "{left:?}");
     assert!(feet.contains(" ft"), "{feet}");
     assert!(*desk.site() == Site { units: Units::Feet, ..before }, "the site differs");
+}
+
+#[test]
+fn positions_on_the_map_have_a_standard_deviation() {
+    let mut site = demo();
+    let origin = Geographic { latitude: 0.84, longitude: 0.2, height: 0.0 };
+    let plane = TangentPlane::new(origin, 0.5);
+    let scale = site.plan.as_ref().expect("a plan").scale();
+    for point in &mut site.cameras[0].control_points {
+        let on_floor = |px| scale.floor_from_plan(px).at_height(point.height_m.unwrap_or(0.0));
+        let world = point.world_m.or_else(|| point.plan_px.map(on_floor)).expect("coordinates");
+        let at = plane.to_geographic(world);
+        point.lat_deg = Some(at.latitude.to_degrees());
+        point.lon_deg = Some(at.longitude.to_degrees());
+        point.sigma_m = Some(0.5);
+    }
+    let mut desk = Desk::new(site);
+    // Returns latitude, longitude and standard deviation of a shown position.
+    let shown = |desk: &Desk| {
+        let all = desk.words();
+        let read = |text: &String| {
+            let (at, sigma) = text.split_once(" \u{b1} ")?;
+            let (lat, lon) = at.split_once(", ")?;
+            let number = |text: &str| text.parse::<f64>().ok();
+            Some([number(lat)?, number(lon)?, number(sigma.strip_suffix(" m")?)?])
+        };
+        all.iter().find_map(read).unwrap_or_else(|| panic!("no position: {all:?}"))
+    };
+    desk.key(Key::Num2);
+    let at = [12.0, 5.0];
+    let place = desk.screen(Pane::Plan, at);
+    desk.harness.hover_at(place);
+    desk.harness.run_steps(2);
+    let [lat, lon, sigma] = shown(&desk);
+    let truth = plane.to_geographic(WorldPoint::new(at[0], at[1], 0.0));
+    let found = Geographic { latitude: lat.to_radians(), longitude: lon.to_radians(), height: 0.0 };
+    let error = plane.to_world(found).distance(plane.to_world(truth));
+    assert!(error < 0.1, "{error} m");
+    // The mean of seven points of 0.5 m, and the azimuth.
+    assert!((0.15..0.6).contains(&sigma), "{sigma}");
+    let [near, far] = [[12.0, 5.0], [30.0, -12.0]].map(|[x, y]| {
+        let [[a, b], [_, d]] =
+            desk.app().editor.session().georeference_covariance(calib_core::FloorPoint { x, y });
+        assert!(a > 0.0 && d > 0.0 && a * d > b * b, "not a covariance: {a} {b} {d}");
+        a + d
+    });
+    assert!(far > near, "the azimuth moves far points more: {near} {far}");
 }
 
 #[test]

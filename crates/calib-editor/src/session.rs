@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use calib_core::outcome::SuggestedAnnotation;
-use calib_core::{Camera, MarkKind, Pixel, PlanPixel, Plane, WorldPoint};
+use calib_core::{Camera, FloorPoint, MarkKind, Pixel, PlanPixel, Plane, WorldPoint};
 use calib_site::{
     Georeference, GeoreferenceSolution, Method, Names, PlacementEntry, Site, SiteCamera, Solution, Warning,
 };
@@ -119,9 +119,19 @@ impl Session {
     /// entered, or defined by geographic points.
     #[must_use]
     pub fn north_sigma_deg(&self) -> Option<f64> {
+        Some(self.estimated_georeference()?.sigma.azimuth_deg).filter(|sigma| *sigma > 0.0)
+    }
+
+    /// Returns the covariance of the geographic position of a floor point that the errors of the georeference
+    /// cause, along world x and y, in square metres. It is zero if the georeference is exact.
+    #[must_use]
+    pub fn georeference_covariance(&self, at: FloorPoint) -> [[f64; 2]; 2] {
+        self.estimated_georeference().map_or([[0.0; 2]; 2], |found| found.world_covariance_at(at))
+    }
+
+    fn estimated_georeference(&self) -> Option<GeoreferenceSolution> {
         let solved = || self.solved.joint_report()?.site.georeference.clone();
-        let estimated = self.site.estimated_georeference().or_else(solved)?;
-        Some(estimated.sigma.azimuth_deg).filter(|sigma| *sigma > 0.0)
+        self.site.estimated_georeference().or_else(solved)
     }
 
     /// Returns the georeference of the site: entered, from its points, or from the last joint solve.

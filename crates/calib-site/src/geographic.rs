@@ -105,6 +105,21 @@ impl GeoreferenceSolution {
         georeference_covariance(&covariance, self.x_axis_azimuth_deg.to_radians(), point)
     }
 
+    /// Returns the covariance of [`covariance_at`](Self::covariance_at) along world x and y.
+    #[must_use]
+    pub fn world_covariance_at(&self, point: FloorPoint) -> [[f64; 2]; 2] {
+        let (sin, cos) = self.x_axis_azimuth_deg.to_radians().sin_cos();
+        // East and north of the world axes.
+        let axes = [[sin, cos], [-cos, sin]];
+        let earth = self.covariance_at(point);
+        std::array::from_fn(|i| {
+            std::array::from_fn(|j| {
+                let terms = (0..2).flat_map(|k| (0..2).map(move |l| (k, l)));
+                terms.map(|(k, l)| axes[i][k] * earth[k][l] * axes[j][l]).sum()
+            })
+        })
+    }
+
     /// Returns the georeference as an operator would enter it.
     #[must_use]
     pub const fn as_entered(&self) -> Georeference {
@@ -357,6 +372,28 @@ impl Site {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn errors_toward_east_and_north_are_rotated_into_world_axes() {
+        // World +x is north, and world +y is west.
+        let solution = GeoreferenceSolution {
+            lat_deg: 48.0,
+            lon_deg: 11.0,
+            x_axis_azimuth_deg: 0.0,
+            alt_m: None,
+            sigma: GeoreferenceSigmas {
+                east_m: 3.0,
+                north_m: 2.0,
+                azimuth_deg: 0.0,
+                correlations: Some([0.5, 0.0, 0.0]),
+            },
+        };
+        let expected = [[4.0, -3.0], [-3.0, 9.0]];
+        let found = solution.world_covariance_at(FloorPoint { x: 5.0, y: -3.0 });
+        for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            assert!((found[i][j] - expected[i][j]).abs() < 1e-12, "{found:?}");
+        }
+    }
 
     #[test]
     fn typed_coordinates_are_read() {

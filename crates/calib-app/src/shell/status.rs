@@ -1,5 +1,6 @@
 //! Status line (next click, pointer position, duration of the solve) and the strip of tools.
 
+use calib_core::camera::FloorCovariance;
 use calib_core::floor::SurfacePoint;
 use calib_core::{Pixel, SurfaceProjector, WorldPoint};
 use calib_editor::{Action, Pane, TOOLS, plan_scale};
@@ -172,7 +173,8 @@ fn pointer_position(app: &App, ui: &mut Ui) {
             }
             ui.label(strong(app.editor.session().site.units.point(at, 2)));
             ui.label(RichText::new("floor").color(palette.text2));
-            map_position(app, ui, WorldPoint::new(at[0], at[1], 0.0));
+            // A point of the plan is exact.
+            map_position(app, ui, WorldPoint::new(at[0], at[1], 0.0), Some([[0.0; 2]; 2]));
         }
     }
 }
@@ -213,17 +215,25 @@ fn floor(app: &App, ui: &mut Ui, (camera, pose): (usize, &calib_core::Camera), a
     ui.label(RichText::new(plane.map_or("floor", |plane| &plane.id)).color(palette.text2));
     let is_on_plan = session.solved.solution(camera).is_some_and(|solution| solution.stage > Stage::Partial);
     if is_scaled && is_on_plan {
-        map_position(app, ui, point);
+        map_position(app, ui, point, covariance.and_then(|covariance| covariance.total()));
     }
 }
 
-/// Shows the latitude and longitude of a point of the site, if the site has a georeference.
-fn map_position(app: &App, ui: &mut Ui, point: WorldPoint) {
-    let Some(georeference) = app.editor.session().georeference() else { return };
+/// Shows the latitude and longitude of a point of the site with their standard deviation, if the site has a
+/// georeference. `on_floor` is the covariance of the point, in square metres.
+fn map_position(app: &App, ui: &mut Ui, point: WorldPoint, on_floor: Option<[[f64; 2]; 2]>) {
+    let session = app.editor.session();
+    let Some(georeference) = session.georeference() else { return };
     let at = georeference.tangent_plane().to_geographic(point);
     ui.add_space(12.0);
+    let calibration = Some(session.georeference_covariance(point.on_floor()));
+    let sigma = on_floor.and_then(|pixel| FloorCovariance { pixel, calibration }.worst_sigma());
+    let sigma = sigma.filter(|sigma| *sigma > 0.0).map_or_else(String::new, |sigma| {
+        let sigma = sigma / session.site.units.metres();
+        format!(" \u{b1} {} {}", number(sigma, decimals(sigma)), session.site.units.symbol())
+    });
     // Seven digits are 1 cm.
-    let text = format!("{:.7}, {:.7}", at.latitude.to_degrees(), at.longitude.to_degrees());
+    let text = format!("{:.7}, {:.7}{sigma}", at.latitude.to_degrees(), at.longitude.to_degrees());
     ui.label(RichText::new(text).color(theme::palette(ui.ctx()).text2));
 }
 
