@@ -82,3 +82,14 @@ fn newer_plan_keeps_positions() {
     let [u, v] = [0, 1].map(|index| pixel[index].as_f64().unwrap());
     assert!((u - (24.0 + 400.0)).abs() < 1e-6 && (v - (2424.0 + 400.0)).abs() < 1e-6, "{pixel}");
 }
+
+#[test]
+fn picture_is_not_written_under_the_name_of_another_format() {
+    let scratch = Scratch::new();
+    scratch.write("hall.dxf", hall());
+    for name in ["plan.json", "plan.webp"] {
+        let refused = scratch.calib(&["plan", "hall.dxf", "-o", name]).expect_code(2);
+        assert!(refused.stderr.contains(name) && refused.stderr.contains("--site"), "{}", refused.stderr);
+        assert!(!scratch.path(name).exists(), "{name}");
+    }
+}

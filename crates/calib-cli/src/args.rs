@@ -106,12 +106,10 @@ impl OutputArgs {
         self.output == "-"
     }
 
-    /// Whether the output is a JPEG file.
+    /// Whether the output is a JPEG file. Refuses names that are not those of a picture.
     #[cfg(feature = "stills")]
-    pub(crate) fn is_jpeg(&self) -> bool {
-        let ending =
-            Path::new(&self.output).extension().map(|ending| ending.to_string_lossy().to_lowercase());
-        matches!(ending.as_deref(), Some("jpg" | "jpeg"))
+    pub(crate) fn is_jpeg(&self) -> Result<bool, CommandError> {
+        picture::is_jpeg_name(&self.output)
     }
 
     /// Returns the path of one of several output files: the output path with `-name` before its extension. An

@@ -13,10 +13,25 @@ pub(crate) fn png(image: &RgbImage) -> Result<Vec<u8>, CommandError> {
     Ok(bytes.into_inner())
 }
 
-/// Encodes an image in the format of the file name: JPEG for .jpg and .jpeg, otherwise PNG.
+/// Returns whether an image is written as JPEG under this file name: JPEG for .jpg and .jpeg; PNG for .png, for names
+/// without an extension, and for the standard output.
+///
+/// # Errors
+/// If the name has another extension: the file would contain something else than its name states.
+pub(crate) fn is_jpeg_name(name: &str) -> Result<bool, CommandError> {
+    let extension = Path::new(name).extension().map(|extension| extension.to_string_lossy().to_lowercase());
+    match extension.as_deref() {
+        Some("jpg" | "jpeg") => Ok(true),
+        Some("png") | None => Ok(false),
+        Some(_) => {
+            Err(CommandError::Usage(format!("{name}: expected a picture whose name ends in .png or .jpg")))
+        }
+    }
+}
+
+/// Encodes an image in the format of the file name.
 pub(crate) fn encode(image: &RgbImage, name: &str) -> Result<Vec<u8>, CommandError> {
-    let extension = Path::new(name).extension().map(|e| e.to_string_lossy().to_lowercase());
-    if matches!(extension.as_deref(), Some("jpg" | "jpeg")) { jpeg(image) } else { png(image) }
+    if is_jpeg_name(name)? { jpeg(image) } else { png(image) }
 }
 
 /// Encodes an image as JPEG, in a quality that preserves lines.

@@ -84,6 +84,11 @@ struct ReadPlan {
 pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if let Some(output) = &args.output {
         files::check_free(output, args.force)?;
+        if args.site.is_none() && picture::is_jpeg_name(output).is_err() {
+            return Err(CommandError::Usage(format!(
+                "{output}: expected a picture whose name ends in .png or .jpg; add --site SITE to write a site with this plan"
+            )));
+        }
     }
     let file = PlanFile::read(&args.file)?;
     let path = file.path.as_path();

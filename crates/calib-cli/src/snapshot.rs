@@ -53,7 +53,7 @@ pub(crate) fn is_address(source: &str) -> bool {
 pub(crate) fn run(address: &str, args: &SnapshotArgs, output: &OutputArgs) -> Result<(), CommandError> {
     let (bytes, image) = read(address, args)?;
     // A JPEG stays as the camera sent it.
-    if output.is_jpeg() && is_jpeg(&bytes) { output.write(&bytes) } else { output.write_image(&image) }
+    if output.is_jpeg()? && is_jpeg(&bytes) { output.write(&bytes) } else { output.write_image(&image) }
 }
 
 /// Whether these bytes are a JPEG image.
