@@ -1,16 +1,14 @@
 //! Purposes of file choosers, and chosen files.
 
-use std::path::{Path, PathBuf};
-
-use calib_editor::images::has_ending;
+use std::path::PathBuf;
 
 use crate::drawing::DRAWINGS;
 
 /// Purpose of the chosen files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
-    /// Site file to open.
-    OpenSite,
+    /// Files of any kind to open: a site with its images, images, a plan, files of another program.
+    Open,
     /// File to which the site is saved.
     SaveSite,
     /// File to which the site is saved without its images.
@@ -51,11 +49,6 @@ impl Chosen {
     pub(crate) fn of_path(path: PathBuf) -> Self {
         let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
         Self { name, path: Some(path), bytes: None }
-    }
-
-    /// Whether the file is a site file, judged by its ending.
-    pub(crate) fn is_site(&self) -> bool {
-        has_ending(Path::new(&self.name), "json")
     }
 }
 

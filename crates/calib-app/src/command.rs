@@ -63,7 +63,7 @@ fn on_files(app: &mut App, ctx: &Context, command: Files) {
         Files::Save if app.editor.session().path.is_some() => app.save(),
         Files::Save | Files::SaveAs => app.open_dialog(Purpose::SaveSite),
         Files::SavePlain => app.open_dialog(Purpose::SavePlain),
-        Files::Open => app.open_dialog(Purpose::OpenSite),
+        Files::Open => app.open_dialog(Purpose::Open),
         Files::AddImages => app.open_dialog(Purpose::AddImages),
         Files::LoadPlan => app.open_dialog(Purpose::LoadPlan),
         Files::ReplaceStill => {

@@ -60,11 +60,9 @@ fn window(paths: Vec<std::path::PathBuf>) -> eframe::Result {
         Box::new(|creation| {
             let folder = calib_app::storage::files::data_dir();
             let mut app = calib_app::App::new(&creation.egui_ctx, folder);
-            for path in paths {
-                // Relative paths refer to the working directory, not to the site's folder.
-                let path = std::path::absolute(&path).unwrap_or(path);
-                app.take_path(&creation.egui_ctx, path);
-            }
+            // Relative paths refer to the working directory, not to the site's folder.
+            let absolute = |path: std::path::PathBuf| std::path::absolute(&path).unwrap_or(path);
+            app.open_paths(&creation.egui_ctx, paths.into_iter().map(absolute));
             Ok(Box::new(app))
         }),
     )

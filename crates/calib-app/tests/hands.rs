@@ -26,7 +26,7 @@ fn new_sites_wait_until_the_gesture_ends() {
     desk.harness.event(Event::PointerMoved(to));
     desk.harness.step();
     let ctx = desk.harness.ctx.clone();
-    desk.app().take_path(&ctx, scratch.path("new.png"));
+    desk.app().open_paths(&ctx, [scratch.path("new.png")]);
     for _ in 0..40 {
         desk.harness.step();
         std::thread::sleep(std::time::Duration::from_millis(5));

@@ -144,7 +144,7 @@ fn dropped_file_named_by_camera_and_time_is_its_newer_image() {
     }
     let mut desk = desk(&scratch, "store.png");
     let ctx: Context = desk.harness.ctx.clone();
-    desk.app().take_path(&ctx, scratch.path("store_20260601_0900.png"));
+    desk.app().open_paths(&ctx, [scratch.path("store_20260601_0900.png")]);
     desk.wait(|app| app.editor.newer(0).is_some());
     let newer = desk.app().editor.newer(0).unwrap().clone();
     assert_eq!(
@@ -154,9 +154,9 @@ fn dropped_file_named_by_camera_and_time_is_its_newer_image() {
     assert_eq!((newer.comparison.change, desk.site().cameras.len()), (CameraChange::TooFewEdges, 1));
     let bytes = std::fs::read(scratch.path("store_20260601_0900.png")).unwrap();
     let file = Chosen { name: "store_20260602_0900.png".into(), path: None, bytes: Some(bytes) };
-    desk.app().take_together(&ctx, vec![file]);
+    desk.app().open_files(&ctx, vec![file]);
     desk.wait(|app| app.editor.newer(0).is_some_and(|newer| newer.since.starts_with("2026-06-02")));
-    desk.app().take_path(&ctx, scratch.path("door.png"));
+    desk.app().open_paths(&ctx, [scratch.path("door.png")]);
     desk.wait(|app| app.editor.site().cameras.len() == 2);
     assert!(desk.app().editor.newer(1).is_none());
 }
@@ -170,7 +170,7 @@ fn comparison_survives_the_first_save_of_the_site() {
     }
     let mut desk = desk(&scratch, "store.png");
     let ctx: Context = desk.harness.ctx.clone();
-    desk.app().take_path(&ctx, scratch.path("store_20260601_0900.png"));
+    desk.app().open_paths(&ctx, [scratch.path("store_20260601_0900.png")]);
     // Both images are read, and the search for edges runs.
     for _ in 0..20 {
         desk.harness.run_steps(1);

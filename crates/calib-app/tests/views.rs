@@ -537,7 +537,7 @@ fn dxf_plan_has_its_scale_layers_and_corners() {
     scratch.write("hall.dxf", hall_dxf(6));
     let mut desk = Desk::new(demo());
     let ctx = desk.harness.ctx.clone();
-    desk.app().take_path(&ctx, scratch.path("hall.dxf"));
+    desk.app().open_paths(&ctx, [scratch.path("hall.dxf")]);
     desk.wait(|app| app.editor.site().plan.as_ref().is_some_and(|plan| plan.metres_per_px == 0.005));
     desk.key(Key::Num2);
     desk.wait(|app| app.plan_picture().is_some());
@@ -577,13 +577,13 @@ fn dxf_plan_without_unit_asks_for_a_length() {
     let mut desk = Desk::new(demo());
     let ctx = desk.harness.ctx.clone();
     let before = desk.site().plan.as_ref().unwrap().metres_per_px;
-    desk.app().take_path(&ctx, scratch.path("hall.dxf"));
+    desk.app().open_paths(&ctx, [scratch.path("hall.dxf")]);
     desk.wait(|app| app.waiting() == 0);
     let plan = desk.site().plan.clone().unwrap();
     assert_eq!(plan.metres_per_px, before);
     assert_eq!(TOOLS[desk.app().editor.tool_row()].title, "Measure");
     scratch.write("broken.dxf", "0\nSECTION\n2\nENTITIES\n0\nEOF\n");
-    desk.app().take_path(&ctx, scratch.path("broken.dxf"));
+    desk.app().open_paths(&ctx, [scratch.path("broken.dxf")]);
     desk.wait(|app| app.waiting() == 0);
     let error = desk.app().editor.error().map(str::to_owned).unwrap();
     assert!(error.contains("broken.dxf") && error.contains("no lines"), "{error}");
@@ -599,7 +599,7 @@ fn world_file_aligns_its_plan_or_the_existing_one() {
     let mut desk = Desk::new(demo());
     let (before, ctx) = (desk.site().clone(), desk.harness.ctx.clone());
     let world = loose("hall.pgw", b"0.05\n0\n0\n-0.05\n2\n9\n");
-    desk.app().take_together(&ctx, vec![world, loose("hall.png", png.get_ref())]);
+    desk.app().open_files(&ctx, vec![world, loose("hall.png", png.get_ref())]);
     desk.wait(|app| app.waiting() == 0);
     assert_eq!(desk.site().cameras.len(), before.cameras.len(), "it is not an image of a camera");
     let first = |desk: &Desk| {
@@ -608,11 +608,11 @@ fn world_file_aligns_its_plan_or_the_existing_one() {
     };
     let (scale, at) = first(&desk);
     assert!((scale - 0.05).abs() < 1e-12 && at.distance([2.0, 9.0].into()) < 1e-9, "{scale} {at:?}");
-    desk.app().take_together(&ctx, vec![loose("other.wld", b"0.1 0 0 -0.1 5 5")]);
+    desk.app().open_files(&ctx, vec![loose("other.wld", b"0.1 0 0 -0.1 5 5")]);
     let (scale, at) = first(&desk);
     assert!((scale - 0.1).abs() < 1e-12 && at.distance([5.0, 5.0].into()) < 1e-9, "{scale} {at:?}");
     assert_eq!(desk.harness.state().editor.error(), None);
-    desk.app().take_together(&ctx, vec![loose("mirrored.wld", b"0.1 0 0 0.1 5 5")]);
+    desk.app().open_files(&ctx, vec![loose("mirrored.wld", b"0.1 0 0 0.1 5 5")]);
     assert!(desk.harness.state().editor.error().unwrap().contains("mirrored.wld"));
     desk.undo();
     desk.undo();
@@ -654,7 +654,7 @@ fn alternative_solution_is_offered_and_the_view_is_kept() {
 #[test]
 fn closed_chooser_changes_nothing() {
     for purpose in [
-        Purpose::OpenSite,
+        Purpose::Open,
         Purpose::SaveSite,
         Purpose::AddImages,
         Purpose::LoadPlan,

@@ -140,7 +140,7 @@ commands! {
         NewSite "New site" CTRL N;
         Demo "Open the demonstration site";
         Tour "Start the tour of the demonstration";
-        Open "Open a site\u{2026}" CTRL O;
+        Open "Open\u{2026}" CTRL O;
         SaveAs "Save the site as\u{2026}" CTRL_SHIFT S;
         Save "Save the site" CTRL S;
         SavePlain "Save the site without its images\u{2026}";

@@ -43,7 +43,7 @@ pub fn import_any(files: &[File]) -> Result<(&'static Format, Imported), String>
     for format in FORMATS.iter().filter(fits) {
         match calib_formats::import(format, files) {
             Ok(imported) => return Ok((format, imported)),
-            Err(error) => wrong.push(format!("as {}: {error}", format.name)),
+            Err(error) => wrong.push(format!("{}: {error}", format.name)),
         }
     }
     if wrong.is_empty() {
@@ -51,7 +51,7 @@ pub fn import_any(files: &[File]) -> Result<(&'static Format, Imported), String>
             FORMATS.iter().filter(|format| format.can_import()).map(|format| format.name).collect();
         return Err(format!("File format not recognised. Supported formats: {}.", known.join(", ")));
     }
-    Err(format!("Cannot read the files {}", wrong.join("; ")))
+    Err(format!("Formats that were tried: {}.", wrong.join("; ")))
 }
 
 /// Returns the lens of a camera, scaled to images of another width and height. The error names a different

@@ -23,4 +23,6 @@ pub use file::{DocumentError, FileError, OutOfMemory, check_memory, json_documen
 #[cfg(feature = "write")]
 pub use part::{PartialFile, PathError, resolve_target};
 pub use relative::relative;
-pub use still::{ImageFileError, capture_time, check_decode_memory, decode, image_endings, image_size};
+pub use still::{
+    ImageFileError, capture_time, check_decode_memory, decode, image_endings, image_size, is_image_or_video,
+};

@@ -279,6 +279,13 @@ fn unsupported(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
     }
 }
 
+/// Whether the first bytes are those of an image or of a video, of a format that is read or not. For the others,
+/// [`decode`] names the format and a way out.
+#[must_use]
+pub fn is_image_or_video(head: &[u8]) -> bool {
+    image::guess_format(head).is_ok() || unsupported(head).is_some_and(|_| !head.starts_with(b"%PDF"))
+}
+
 /// Returns the file name endings of the images that can be read, in lower case.
 pub fn image_endings() -> impl Iterator<Item = &'static str> {
     const ENDINGS: [(&str, ImageFormat); 8] = [

@@ -28,8 +28,7 @@ impl App {
     /// Shows a field for a typed path, because the system has no file chooser.
     pub fn type_path(&mut self, purpose: Purpose) {
         let own = self.editor.session().path.as_ref().map(|path| path.display().to_string());
-        let text =
-            own.filter(|_| matches!(purpose, Purpose::SaveSite | Purpose::OpenSite)).unwrap_or_default();
+        let text = own.filter(|_| matches!(purpose, Purpose::SaveSite | Purpose::Open)).unwrap_or_default();
         self.dialogs.path_field = Some(PathField { purpose, text });
     }
 
@@ -39,18 +38,18 @@ impl App {
         let Some(PathField { purpose, text }) = typed.filter(|typed| !typed.text.trim().is_empty()) else {
             return;
         };
-        let path = PathBuf::from(text.trim());
-        if purpose == Purpose::AddImages {
-            self.take_path(ctx, path);
-            return;
+        let chosen = vec![Chosen::of_path(PathBuf::from(text.trim()))];
+        match purpose {
+            // A typed path can be a folder of images.
+            Purpose::AddImages => self.open_files(ctx, chosen),
+            _ => self.take_chosen(ctx, purpose, chosen),
         }
-        self.take_chosen(ctx, purpose, vec![Chosen::of_path(path)]);
     }
 
     /// Opens, imports or writes the chosen files, according to the purpose of the chooser.
     fn take_chosen(&mut self, ctx: &Context, purpose: Purpose, chosen: Vec<Chosen>) {
         match purpose {
-            Purpose::OpenSite => self.open_chosen(ctx, chosen),
+            Purpose::Open => self.open_files(ctx, chosen),
             Purpose::SaveSite => each_path(chosen, |path| self.save_to(path)),
             Purpose::SavePlain => each_path(chosen, |path| self.save_plain(&path)),
             Purpose::AddImages => chosen.into_iter().for_each(|file| self.add_still(ctx, file)),
@@ -67,20 +66,6 @@ impl App {
                 for file in chosen {
                     self.save_picture(&file.path.unwrap_or_else(|| PathBuf::from(&file.name)));
                 }
-            }
-        }
-    }
-
-    /// Opens chosen sites: a file on disk by its path, a file without a path together with its images.
-    fn open_chosen(&mut self, ctx: &Context, chosen: Vec<Chosen>) {
-        if chosen.iter().all(|file| file.path.is_none()) {
-            self.take_together(ctx, chosen);
-            return;
-        }
-        for file in chosen {
-            match &file.path {
-                Some(path) => self.open_path(path),
-                None => self.take_together(ctx, vec![file]),
             }
         }
     }

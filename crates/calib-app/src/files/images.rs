@@ -84,30 +84,32 @@ impl App {
         let Some(planning) = self.jobs.planning.take() else { return };
         match planning.picture.poll() {
             None => self.jobs.planning = Some(planning),
-            Some(Ok(still)) => {
-                let drawing = still.drawing.clone();
-                let on_map = still.position.and_then(|position| {
-                    let plan = plan_on_map(self.editor.site(), still.still.size, position);
-                    plan.map_err(|error| self.act(Action::AddError(error))).ok()?
-                });
-                let world_file =
-                    planning.told.map(|plan| (plan, "Scale read from the world file.".to_owned()));
-                let scaled = on_map
-                    .or(world_file)
-                    .or_else(|| self.kept_scale(&still))
-                    .or_else(|| plan_from_drawing(drawing.as_ref()?));
-                let notes = drawing.map(|drawing| drawing.notes.join(" ")).unwrap_or_default();
-                let still = self.stored(still);
-                self.act(Action::LoadPlan(still, scaled.map(Box::new)));
-                if !notes.is_empty() {
-                    let scale = self.editor.session().note.clone().unwrap_or_default();
-                    self.act(Action::Note(format!("{scale} {notes}").trim().to_owned()));
-                }
-                self.show(Mode::Plan);
-                self.view.panes.views.clear();
-            }
+            Some(Ok(still)) => self.show_plan(still, planning.told),
             Some(Err(error)) => self.act(Action::AddError(error)),
         }
+    }
+
+    /// Loads a plan image; `told` is the plan entry of its world file.
+    fn show_plan(&mut self, still: ReadPicture, told: Option<Plan>) {
+        let drawing = still.drawing.clone();
+        let on_map = still.position.and_then(|position| {
+            let plan = plan_on_map(self.editor.site(), still.still.size, position);
+            plan.map_err(|error| self.act(Action::AddError(error))).ok()?
+        });
+        let world_file = told.map(|plan| (plan, "Scale read from the world file.".to_owned()));
+        let scaled = on_map
+            .or(world_file)
+            .or_else(|| self.kept_scale(&still))
+            .or_else(|| plan_from_drawing(drawing.as_ref()?));
+        let notes = drawing.map(|drawing| drawing.notes.join(" ")).unwrap_or_default();
+        let still = self.stored(still);
+        self.act(Action::LoadPlan(still, scaled.map(Box::new)));
+        if !notes.is_empty() {
+            let scale = self.editor.session().note.clone().unwrap_or_default();
+            self.act(Action::Note(format!("{scale} {notes}").trim().to_owned()));
+        }
+        self.show(Mode::Plan);
+        self.view.panes.views.clear();
     }
 
     /// Returns the position and the scale of the existing plan for a newer one of the same size and scale.
@@ -214,6 +216,8 @@ impl App {
         while let Some(still) = self.jobs.adding.first().and_then(Task::outcome) {
             self.jobs.adding.remove(0);
             match still.map_err(|_| "An image could not be read.".to_owned()).flatten() {
+                // No camera writes an image with a position on the map.
+                Ok(picture) if picture.position.is_some() => self.show_plan(picture, None),
                 Ok(picture) => {
                     let still = self.stored(picture);
                     self.act(Action::AddCamera(still));
@@ -247,18 +251,38 @@ impl App {
 }
 
 impl App {
-    /// Imports lenses and cameras from files of another program.
+    /// Imports lenses, cameras and points from files of other programs: all files together, or else one by one.
     pub(crate) fn import(&mut self, chosen: Vec<Chosen>) {
-        let Some(first) = chosen.first().map(|file| file.name.clone()) else { return };
+        if chosen.is_empty() {
+            return;
+        }
         let read = chosen.into_iter().map(|file| {
             let name = file.name.clone();
             let bytes = file.into_bytes().map_err(|error| format!("{name}: {error}"))?;
             Ok(File { name, bytes })
         });
-        let taken = read.collect::<Result<Vec<File>, String>>().and_then(|files| import_any(&files));
-        match taken {
-            Ok((format, imported)) => self.take_imported(&first, format, imported),
-            Err(error) => self.act(Action::SetError(error)),
+        let files = match read.collect::<Result<Vec<File>, String>>() {
+            Ok(files) => files,
+            Err(error) => {
+                self.act(Action::SetError(error));
+                return;
+            }
+        };
+        match import_any(&files) {
+            Ok((format, imported)) => self.take_imported(&files[0].name, format, imported),
+            Err(error) if files.len() == 1 => {
+                self.act(Action::AddError(format!("Can't open {}. {error}", files[0].name)));
+            }
+            Err(_) => {
+                for file in files {
+                    match import_any(std::slice::from_ref(&file)) {
+                        Ok((format, imported)) => self.take_imported(&file.name, format, imported),
+                        Err(error) => {
+                            self.act(Action::AddError(format!("Can't open {}. {error}", file.name)))
+                        }
+                    }
+                }
+            }
         }
     }
 

@@ -3,6 +3,7 @@
 
 pub(crate) mod outside;
 pub(crate) mod images;
+pub(crate) mod open;
 pub(crate) mod saving;
 pub(crate) mod screenshot;
 pub(crate) mod answers;

@@ -175,7 +175,7 @@ fn changes(ui: &mut Ui, differences: &[String]) {
 fn path_ui(app: &mut App, ui: &mut Ui, mut field: PathField) {
     let palette = theme::palette(ui.ctx());
     let what = match field.purpose {
-        Purpose::OpenSite => "Path of the site to open",
+        Purpose::Open => "Path of a site, image, plan, folder or calibration",
         Purpose::SaveSite | Purpose::SavePlain => "Path to save the site to",
         Purpose::AddImages => "Path of an image, or of a folder of images",
         Purpose::LoadPlan => "Path of the floor plan",

@@ -1,17 +1,13 @@
-//! Opening, recovering, saving and dropping of sites. A site file is overwritten only if it is unchanged
+//! Opening, recovering and saving of sites. A site file is overwritten only if it is unchanged
 //! since it was read, or if the operator confirms.
 
 use std::path::{Path, PathBuf};
 
-use calib_editor::images::{file_name, has_ending, is_image, mime};
-use calib_editor::{Action, Images, Opened, differences, image_names, parse};
+use calib_editor::{Action, Images, Opened, differences};
 use calib_site::{Site, counted};
-use egui::Context;
 
-use crate::choice::{Chosen, Purpose};
-use crate::drawing::is_drawing;
+use crate::choice::Purpose;
 use crate::edges::Proposing;
-use crate::files::images::is_world_file;
 use crate::platform::{Here, Platform as _};
 use crate::state::{App, Comparing, Conflict, Decision, Outside, Panes, Sheet, Tour, Why};
 use crate::storage::autosave::{self, Autosave, Found, News, Recent, Work};
@@ -293,134 +289,5 @@ impl App {
             autosave.forget();
         }
         self.storage.kept = self.editor.session().revision.generation;
-    }
-}
-
-impl App {
-    /// Opens a dropped or named path: a site, an image, or a folder of images.
-    pub fn take_path(&mut self, ctx: &Context, path: PathBuf) {
-        if has_ending(&path, "json") {
-            self.open_path(&path);
-            return;
-        }
-        if is_drawing(&path) {
-            self.load_plan(ctx, vec![Chosen::of_path(path)]);
-            return;
-        }
-        let images = if is_image(&path) { vec![path.clone()] } else { Here::images_in(&path) };
-        if images.is_empty() {
-            self.act(Action::AddError(format!(
-                "Can't open {}. Use a site (.json), an image (such as .png or .jpg), or a folder of images.",
-                path.display()
-            )));
-        }
-        let mut files: Vec<Chosen> = images.into_iter().map(Chosen::of_path).collect();
-        self.take_newer(ctx, &mut files);
-        files.into_iter().for_each(|file| self.add_still(ctx, file));
-    }
-
-    /// Opens the dropped files once they are read.
-    pub(crate) fn poll_arrivals(&mut self, ctx: &Context) {
-        let dropped = ctx.input_mut(|input| std::mem::take(&mut input.raw.dropped_files));
-        if !dropped.is_empty() {
-            self.jobs.arriving.push(Here::dropped(ctx, dropped));
-        }
-        let mut arrived = Vec::new();
-        self.jobs.arriving.retain(|task| task.poll().map(|files| arrived.push(files)).is_none());
-        for files in arrived {
-            let (on_disk, loose): (Vec<_>, Vec<_>) = files.into_iter().partition(|file| file.path.is_some());
-            let (sites, mut others): (Vec<_>, Vec<_>) = on_disk.into_iter().partition(Chosen::is_site);
-            let has_site = !sites.is_empty();
-            for path in sites.into_iter().filter_map(|file| file.path) {
-                self.take_path(ctx, path);
-            }
-            if has_site {
-                // World files are not needed: the site file contains the georeference of its plan.
-                others.retain(|file| !is_world_file(file));
-            } else {
-                self.take_plans(ctx, &mut others);
-            }
-            // Images of the site that were dropped with it are not additional cameras.
-            let own: Vec<String> = image_names(self.editor.site());
-            let is_own =
-                |file: &Chosen| has_site && own.iter().any(|name| file_name(name) == file_name(&file.name));
-            for path in others.into_iter().filter(|file| !is_own(file)).filter_map(|file| file.path) {
-                self.take_path(ctx, path);
-            }
-            if !loose.is_empty() {
-                self.take_together(ctx, loose);
-            }
-        }
-    }
-
-    /// Opens files that are not on disk: a site with its images, or images.
-    pub fn take_together(&mut self, ctx: &Context, mut files: Vec<Chosen>) {
-        if let Some(site) = files.iter().position(Chosen::is_site) {
-            let file = files.remove(site);
-            let name = file.name.clone();
-            match file.into_text().and_then(|text| parse(&text, None)) {
-                Ok((site, images)) => self.open_site(site, images, Some(name.into())),
-                Err(error) => {
-                    self.act(Action::SetError(format!("{name}: {error}")));
-                    return;
-                }
-            }
-            self.attach(&mut files);
-            if !files.is_empty() {
-                let names: Vec<&str> = files.iter().map(|file| file.name.as_str()).collect();
-                let note = format!("Not part of this site: {}.", names.join(", "));
-                self.act(Action::Note(note));
-            }
-            return;
-        }
-        self.attach(&mut files);
-        self.take_plans(ctx, &mut files);
-        self.take_newer(ctx, &mut files);
-        for file in files {
-            let name = Path::new(&file.name);
-            if file.bytes.is_some() && is_drawing(name) {
-                self.load_plan(ctx, vec![file]);
-            } else if file.bytes.is_none() || !is_image(name) {
-                self.act(Action::AddError(format!(
-                    "Can't open {}. Use a site (.json) or an image (such as .png or .jpg).",
-                    file.name
-                )));
-            } else {
-                self.add_still(ctx, file);
-            }
-        }
-    }
-
-    /// Starts comparing the files that are newer images of cameras, and removes them from `files`.
-    fn take_newer(&mut self, ctx: &Context, files: &mut Vec<Chosen>) {
-        let (newer, others) = std::mem::take(files).into_iter().partition(|file| self.is_newer(file));
-        *files = others;
-        self.add_newer(ctx, newer);
-    }
-
-    /// Adds the files that are missing images of the site to it, and removes them from `files`.
-    fn attach(&mut self, files: &mut Vec<Chosen>) {
-        let made = self.editor.session().images.missing.is_some();
-        let mut used = vec![false; files.len()];
-        let mut ids = Vec::new();
-        for name in image_names(self.editor.site()) {
-            if made || self.editor.session().images.is_stored(&name) {
-                continue;
-            }
-            let Some(index) = files.iter().position(|file| file_name(&file.name) == file_name(&name)) else {
-                continue;
-            };
-            let Some(bytes) = files[index].bytes.clone() else { continue };
-            let id = self.editor.store_image(bytes.into(), mime(&name), Some(&name));
-            self.pictures.forget(&name);
-            used[index] = true;
-            ids.push((name, id));
-        }
-        if ids.is_empty() {
-            return;
-        }
-        self.act(Action::Attach(ids));
-        let mut used = used.into_iter();
-        files.retain(|_| !used.next().unwrap_or_default());
     }
 }

@@ -45,12 +45,12 @@ const STEPS: [(Picture, &str, &str); 3] = [
 /// Commands of the start page: label, command and note.
 const CHOICES: [(&str, Command, &str); 4] = [
     ("Add images\u{2026}", Command::AddImages, "one per camera"),
-    ("Open a site\u{2026}", Command::Open, "with its images"),
+    ("Open\u{2026}", Command::Open, "a site, images, a plan, a calibration"),
     ("Open the demonstration site", Command::Demo, "six cameras"),
     ("Start the tour", Command::Tour, "five steps, ten minutes"),
 ];
 
-const HINT: &str = "Or drop images, a folder, or a site file here.";
+const HINT: &str = "Or drop files or a folder here.";
 const PRIVACY_NOTES: [&str; 2] =
     ["Images never leave this machine.", "Nothing is uploaded; it works offline."];
 

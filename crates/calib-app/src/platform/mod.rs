@@ -111,8 +111,11 @@ pub(crate) trait Platform {
     /// Returns the folder of autosaves and of the demonstration's images; `None` in the browser.
     fn data_dir() -> Option<PathBuf>;
 
-    /// Returns the paths of the images in a folder, sorted by name.
-    fn images_in(folder: &Path) -> Vec<PathBuf>;
+    /// Returns the paths of the visible files in a folder, sorted by name; `None` if the path is not a folder.
+    fn files_in(folder: &Path) -> Option<Vec<PathBuf>>;
+
+    /// Returns at most the first `bytes` bytes of a file; empty if it cannot be read.
+    fn head(path: &Path, bytes: usize) -> Vec<u8>;
 
     /// Locks an autosave folder; `None` if another window has locked it.
     fn claim(folder: &Path) -> Option<Self::Claim>;

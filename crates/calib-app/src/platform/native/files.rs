@@ -1,10 +1,9 @@
 //! Files on disk, written atomically; the system's file chooser; and locks of folders.
 
-use std::io::Write as _;
+use std::io::{Read as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::pin::Pin;
 
-use calib_editor::images::is_image;
 use calib_editor::{AllowedFiles, FileResult, world_endings};
 use calib_input::PartialFile;
 use calib_site::MAX_BYTES;
@@ -72,11 +71,28 @@ pub(super) fn data_dir() -> Option<PathBuf> {
 
 /// Returns the paths of the images in a folder, sorted by name.
 #[must_use]
-pub(super) fn images_in(folder: &Path) -> Vec<PathBuf> {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(|path| is_image(path)).collect();
+pub(super) fn files_in(folder: &Path) -> Option<Vec<PathBuf>> {
+    let is_visible_file = |path: &PathBuf| {
+        let is_hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+        path.is_file() && !is_hidden
+    };
+    let entries = std::fs::read_dir(folder).ok()?.flatten();
+    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(is_visible_file).collect();
     paths.sort();
-    paths
+    Some(paths)
+}
+
+/// Returns at most the first `bytes` bytes of a regular file; empty if it cannot be read.
+pub(super) fn head(path: &Path, bytes: usize) -> Vec<u8> {
+    let mut head = Vec::new();
+    // Opening a pipe would wait for its writer.
+    if path.is_file()
+        && let Ok(file) = std::fs::File::open(path)
+    {
+        // After an error, the bytes read so far are returned.
+        let _ = file.take(bytes as u64).read_to_end(&mut head);
+    }
+    head
 }
 
 /// Deletes the autosave `file` and the images in its folder.
@@ -134,8 +150,12 @@ pub(super) fn ask(purpose: Purpose) -> Answer {
             let file = site("Save site").set_file_name("site.json").save_file();
             Box::pin(async { file.await.into_iter().collect() })
         }
-        Purpose::OpenSite | Purpose::Compare => {
-            let file = site("Open site").pick_file();
+        Purpose::Open => {
+            let files = dialog.set_title("Open a site, images, a plan or a calibration").pick_files();
+            Box::pin(async { files.await.unwrap_or_default() })
+        }
+        Purpose::Compare => {
+            let file = site("Choose a saved version of the site").pick_file();
             Box::pin(async { file.await.into_iter().collect() })
         }
         Purpose::ReplaceStill => {

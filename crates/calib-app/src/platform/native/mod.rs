@@ -63,8 +63,12 @@ impl Platform for Native {
         files::data_dir()
     }
 
-    fn images_in(folder: &Path) -> Vec<PathBuf> {
-        files::images_in(folder)
+    fn files_in(folder: &Path) -> Option<Vec<PathBuf>> {
+        files::files_in(folder)
+    }
+
+    fn head(path: &Path, bytes: usize) -> Vec<u8> {
+        files::head(path, bytes)
     }
 
     fn claim(folder: &Path) -> Option<Self::Claim> {
@@ -80,12 +84,7 @@ impl Platform for Native {
     }
 
     fn dropped(_: &Context, files: Vec<egui::DroppedFileHandle>) -> Task<Vec<Chosen>> {
-        let one = |file: egui::DroppedFileHandle| Chosen {
-            name: file.path().to_string_lossy().into_owned(),
-            path: Some(file.path().to_path_buf()),
-            bytes: None,
-        };
-        Task::done(files.into_iter().map(one).collect())
+        Task::done(files.into_iter().map(|file| Chosen::of_path(file.path().to_path_buf())).collect())
     }
 
     fn picture<T: Send + 'static>(

@@ -78,7 +78,11 @@ impl Platform for Web {
         None
     }
 
-    fn images_in(_: &Path) -> Vec<PathBuf> {
+    fn files_in(_: &Path) -> Option<Vec<PathBuf>> {
+        None
+    }
+
+    fn head(_: &Path, _: usize) -> Vec<u8> {
         Vec::new()
     }
 

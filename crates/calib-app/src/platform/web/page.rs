@@ -25,7 +25,7 @@ pub(super) async fn ask(purpose: Purpose) -> Vec<Chosen> {
             vec![Chosen { name: "site.json".into(), path: Some("site.json".into()), bytes: None }]
         }
         // A site is chosen together with its images and its plan.
-        Purpose::OpenSite => pick_files(&[SITE, &plans()].concat(), true).await,
+        Purpose::Open => pick_files(&[], true).await,
         Purpose::Compare => pick_files(SITE, false).await,
         Purpose::AddImages | Purpose::NewerStill => pick_files(&images(), true).await,
         Purpose::ReplaceStill => pick_files(&images(), false).await,

@@ -1,0 +1,154 @@
+//! One command opens files of every kind: their content decides.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod desk;
+
+use std::io::Cursor;
+
+use calib_app::choice::Chosen;
+use calib_app::command::Command;
+use calib_site::Site;
+use calib_tests::Scratch;
+use desk::{Desk, still};
+use egui::Key;
+
+/// Opens files of a folder as dropped files, and waits until they are read.
+fn open(desk: &mut Desk, scratch: &Scratch, names: &[&str]) {
+    let ctx = desk.harness.ctx.clone();
+    desk.app().open_paths(&ctx, names.iter().map(|name| scratch.path(name)));
+    desk.wait(|app| !app.is_working());
+    desk.harness.run_steps(3);
+}
+
+fn note(desk: &Desk) -> String {
+    desk.harness.state().editor.session().note.clone().unwrap_or_default()
+}
+
+fn error(desk: &Desk) -> String {
+    desk.harness.state().editor.error().unwrap_or_default().to_owned()
+}
+
+fn jpeg() -> Vec<u8> {
+    let mut bytes = Cursor::new(Vec::new());
+    image::RgbImage::new(64, 48).write_to(&mut bytes, image::ImageFormat::Jpeg).unwrap();
+    bytes.into_inner()
+}
+
+#[test]
+fn folder_opens_its_images_and_names_the_other_files() {
+    let scratch = Scratch::new();
+    std::fs::create_dir(scratch.path("shop")).unwrap();
+    still(&scratch, "shop/a.png", [64, 48]);
+    scratch.write("shop/b.dat", jpeg());
+    scratch.write("shop/readme.txt", "no image");
+    scratch.write("shop/.hidden", "");
+    let mut desk = Desk::new(Site::new());
+    open(&mut desk, &scratch, &["shop"]);
+    let ids: Vec<&str> = desk.site().cameras.iter().map(|camera| camera.id.as_str()).collect();
+    assert_eq!(ids, ["a", "b"], "{}", error(&desk));
+    assert!(note(&desk).contains("readme.txt") && !note(&desk).contains("hidden"), "{}", note(&desk));
+    std::fs::create_dir(scratch.path("empty")).unwrap();
+    open(&mut desk, &scratch, &["empty"]);
+    assert!(error(&desk).contains("empty"), "{}", error(&desk));
+}
+
+#[test]
+fn image_opened_on_an_empty_plan_becomes_the_plan() {
+    let scratch = Scratch::new();
+    for name in ["camera.png", "plan.png", "second.png"] {
+        still(&scratch, name, [64, 48]);
+    }
+    let mut desk = Desk::new(Site::new());
+    open(&mut desk, &scratch, &["camera.png"]);
+    desk.key(Key::Num2);
+    open(&mut desk, &scratch, &["plan.png"]);
+    let plan = desk.site().plan.clone().unwrap();
+    assert!(plan.image.unwrap().ends_with("plan.png"));
+    assert_eq!(desk.site().cameras.len(), 1);
+    desk.undo();
+    assert!(desk.site().plan.is_none());
+    desk.redo();
+    // A plan is never replaced by accident.
+    open(&mut desk, &scratch, &["second.png"]);
+    assert_eq!(desk.site().cameras.len(), 2);
+}
+
+#[test]
+fn files_of_other_programs_are_imported() {
+    let scratch = Scratch::new();
+    scratch.write(
+        "calibration.yml",
+        "%YAML:1.0\n---\nimage_width: 64\nimage_height: 48\n\
+         camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 60., 0., 32., 0., 60., 24., 0., 0., 1. ]\n\
+         distortion_coefficients: !!opencv-matrix\n   rows: 1\n   cols: 5\n   dt: d\n   data: [ -0.1, 0.01, 0., 0., 0. ]\n",
+    );
+    scratch.write("points.csv", "name,lat_deg,lon_deg\nhydrant,48.137154,11.576124\n");
+    let mut desk = Desk::new(Site::new());
+    // Both together are no format, so each is opened alone.
+    open(&mut desk, &scratch, &["calibration.yml", "points.csv"]);
+    assert_eq!(error(&desk), "");
+    let lens = desk.site().cameras[0].lens.clone().unwrap();
+    assert_eq!(lens.focal_px.unwrap().value, 60.0);
+    let points: Vec<_> = desk.site().ground_points.iter().map(|point| point.name.clone()).collect();
+    assert_eq!(points.len(), 1, "{points:?}");
+}
+
+#[test]
+fn site_opens_with_its_images_and_names_other_files() {
+    let scratch = Scratch::new();
+    still(&scratch, "a.png", [64, 48]);
+    still(&scratch, "other.png", [64, 48]);
+    let site = r#"{"cameras": [{"id": "a", "image": "a.png", "size_px": [64, 48]}], "version": 1, "format": "calib-site"}"#;
+    scratch.write("site.json", site);
+    let mut desk = Desk::new(Site::new());
+    open(&mut desk, &scratch, &["a.png", "other.png", "site.json"]);
+    assert_eq!(desk.site().cameras.len(), 1, "{}", error(&desk));
+    assert!(note(&desk).contains("other.png") && !note(&desk).contains("a.png,"), "{}", note(&desk));
+    // The page has the content of the files, and no paths.
+    let loose = |name: &str| Chosen {
+        name: name.into(),
+        path: None,
+        bytes: Some(std::fs::read(scratch.path(name)).unwrap()),
+    };
+    let ctx = desk.harness.ctx.clone();
+    desk.app().open_site(Site::new(), calib_app::storage::files::Images::default(), None);
+    desk.app().open_files(&ctx, vec![loose("a.png"), loose("site.json")]);
+    desk.harness.run_steps(3);
+    assert!(desk.site().cameras[0].image.as_ref().unwrap().starts_with("stored:"));
+}
+
+#[test]
+fn other_files_are_refused_with_a_way_out() {
+    let scratch = Scratch::new();
+    scratch.write("notes.txt", "some notes");
+    scratch.write("clip.mp4", b"\0\0\0\x20ftypisom\0\0\0\0");
+    scratch.write("photo.bin", b"\0\0\0\x18ftypheic\0\0\0\0");
+    scratch.write("other.json", "{\"a\": 1}");
+    for (name, expected) in [
+        ("notes.txt", "Can't open"),
+        ("clip.mp4", "calib still"),
+        ("photo.bin", "JPEG"),
+        ("other.json", "Can't open"),
+    ] {
+        let mut desk = Desk::new(Site::new());
+        open(&mut desk, &scratch, &[name]);
+        let shown = error(&desk);
+        assert!(
+            shown.contains(expected) && shown.contains(name.split('.').next().unwrap()),
+            "{name}: {shown}"
+        );
+        assert!(desk.site().cameras.is_empty());
+    }
+}
+
+#[test]
+fn open_command_takes_any_file() {
+    let scratch = Scratch::new();
+    still(&scratch, "a.png", [64, 48]);
+    let mut desk = Desk::new(Site::new());
+    desk.answer(Some(scratch.path("a.png")));
+    desk.tell(Command::Open);
+    desk.wait(|app| !app.editor.site().cameras.is_empty());
+    assert_eq!(desk.site().cameras[0].id, "a");
+}
