@@ -101,6 +101,10 @@ impl Bend {
 /// Fraction of the canvas that a fitted document fills.
 const FITTED_FRACTION: f64 = 0.94;
 
+/// Least and greatest zoom of an image, in screen points per pixel: 5 % to 6,400 %.
+const IMAGE_ZOOM: (f64, f64) = (0.05, 64.0);
+/// Least and greatest zoom of the floor, in screen points per metre: 100 km to 10 cm fill a window.
+const FLOOR_ZOOM: (f64, f64) = (0.01, 1e4);
 /// Zoom range, in screen points per canvas unit; screen coordinates lose precision outside it.
 const ZOOM_RANGE: std::ops::RangeInclusive<f64> = 1e-4..=1e5;
 
@@ -229,7 +233,9 @@ impl Mapping {
     pub fn zoomed(&self, at: Pos2, factor: f64) -> View {
         let fixed = self.flat_at(at);
         let mut view = self.view;
-        view.zoom = (view.zoom * factor).clamp(*ZOOM_RANGE.start(), *ZOOM_RANGE.end());
+        let (least, greatest) = if view.y_up { FLOOR_ZOOM } else { IMAGE_ZOOM };
+        // A view that shows a whole large document can be beyond the range, and stays there.
+        view.zoom = (view.zoom * factor).clamp(least.min(view.zoom), greatest.max(view.zoom));
         let now = Self { view, ..*self }.flat_at(at);
         view.centre = [view.centre[0] + fixed[0] - now[0], view.centre[1] + fixed[1] - now[1]];
         view

@@ -33,6 +33,18 @@ pub enum Purpose {
     SaveReport,
 }
 
+impl Purpose {
+    /// Returns the file name ending of a saved file; `None` for files to read, and for folders.
+    pub(crate) const fn saved_ending(self) -> Option<&'static str> {
+        match self {
+            Self::SaveSite | Self::SavePlain => Some("json"),
+            Self::SavePicture => Some("png"),
+            Self::SaveReport => Some("html"),
+            _ => None,
+        }
+    }
+}
+
 /// File that the operator chose or dropped.
 #[derive(Clone, Debug)]
 pub struct Chosen {

@@ -6,12 +6,13 @@ mod desk;
 
 use std::io::Cursor;
 
-use calib_app::choice::Chosen;
+use calib_app::choice::{Chosen, Purpose};
 use calib_app::command::Command;
+use calib_editor::Pane;
 use calib_site::Site;
 use calib_tests::Scratch;
-use desk::{Desk, still};
-use egui::Key;
+use desk::{Desk, demo, still};
+use egui::{Key, Modifiers};
 
 /// Opens files of a folder as dropped files, and waits until they are read.
 fn open(desk: &mut Desk, scratch: &Scratch, names: &[&str]) {
@@ -151,4 +152,78 @@ fn open_command_takes_any_file() {
     desk.tell(Command::Open);
     desk.wait(|app| !app.editor.site().cameras.is_empty());
     assert_eq!(desk.site().cameras[0].id, "a");
+}
+
+#[test]
+fn images_opened_together_are_one_undo_step() {
+    let scratch = Scratch::new();
+    let names = ["a.png", "b.png", "c.png", "later.png"];
+    for name in names {
+        still(&scratch, name, [64, 48]);
+    }
+    let mut desk = Desk::new(Site::new());
+    open(&mut desk, &scratch, &names[..3]);
+    open(&mut desk, &scratch, &names[3..]);
+    let count = |desk: &Desk| desk.site().cameras.len();
+    assert_eq!(count(&desk), 4);
+    desk.undo();
+    assert_eq!(count(&desk), 3);
+    assert_eq!(desk.app().editor.session().history.undo_name(), Some("add 3 images"));
+    desk.undo();
+    assert_eq!(count(&desk), 0);
+    desk.redo();
+    assert_eq!(count(&desk), 3);
+}
+
+#[test]
+fn typed_names_get_an_extension() {
+    let scratch = Scratch::new();
+    let mut desk = Desk::new(demo());
+    for (purpose, name, written) in [
+        (Purpose::SaveSite, "shop", "shop.json"),
+        (Purpose::SaveReport, "report", "report.html"),
+        (Purpose::SavePlain, "plain.json", "plain.json"),
+    ] {
+        desk.app().type_path(purpose);
+        desk.harness.run_steps(2);
+        desk.app().dialogs.path_field.as_mut().unwrap().text = scratch.path(name).display().to_string();
+        desk.key(Key::Enter);
+        desk.harness.run_steps(3);
+        assert!(scratch.path(written).is_file(), "{written}: {}", error(&desk));
+    }
+}
+
+#[test]
+fn commands_are_found_by_other_words() {
+    for (typed, expected) in [
+        ("delete camera", "Remove this camera"),
+        ("blind", "Show or hide the pixel density on the plan"),
+        ("photo", "Add images\u{2026}"),
+        ("load", "Open\u{2026}"),
+        ("imperial", "Switch between metres and feet"),
+    ] {
+        let mut desk = Desk::new(demo());
+        let is_shown = |desk: &Desk| desk.words().iter().any(|word| word.trim_end() == expected);
+        assert!(!is_shown(&desk), "{expected} is always shown");
+        desk.keys(Modifiers::COMMAND, Key::K);
+        desk.harness.event(egui::Event::Text(typed.into()));
+        desk.harness.run_steps(3);
+        assert!(is_shown(&desk), "{typed}: {:?}", desk.words());
+    }
+}
+
+#[test]
+fn zoom_of_an_image_has_limits() {
+    let mut desk = Desk::new(demo());
+    let zoom = |desk: &Desk| {
+        let pane = Pane::Image(0);
+        f64::from(desk.screen(pane, [1.0, 0.0]).x - desk.screen(pane, [0.0, 0.0]).x)
+    };
+    for (command, limit) in [(Command::ZoomIn, 64.0), (Command::ZoomOut, 0.05)] {
+        for _ in 0..60 {
+            desk.tell(command);
+        }
+        let found = zoom(&desk);
+        assert!((found / limit - 1.0).abs() < 0.02, "{found} instead of {limit}");
+    }
 }

@@ -147,7 +147,12 @@ pub enum Action {
     /// Applies a command to the list of cameras.
     Cameras(Cameras),
     /// Adds a camera with this image.
-    AddCamera(NewImage),
+    AddCamera {
+        /// Image of the camera.
+        image: NewImage,
+        /// Whether the image was opened together with the last added image: both are then one undo step.
+        joins_last: bool,
+    },
     /// Replaces the image of a calibration period. Annotations keep their pixel coordinates.
     ReplaceImage(Period, NewImage),
     /// Sets the opacity of the replaced image over the new one, 0 to 1.

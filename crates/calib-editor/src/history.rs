@@ -228,6 +228,20 @@ impl History {
         true
     }
 
+    /// Removes the last step if it added cameras and its name starts with `prefix`, so that the next step contains its
+    /// change, too. Returns the number of cameras that it added; 0 if no step was removed.
+    pub(crate) fn take_added(&mut self, prefix: &str) -> usize {
+        let Some(last) = self.done.checked_sub(1).and_then(|last| self.steps.get(last)) else { return 0 };
+        let before = self.done.checked_sub(2).map_or(&self.first, |before| &self.steps[before].after);
+        let added = last.after.cameras.len().saturating_sub(before.cameras.len());
+        if added == 0 || !last.name.starts_with(prefix) {
+            return 0;
+        }
+        self.done -= 1;
+        self.steps.truncate(self.done);
+        added
+    }
+
     /// Returns the undecided automatic calibrations after the last finished gesture.
     #[must_use]
     pub fn proposed(&self) -> &Arc<Vec<PendingCalibration>> {

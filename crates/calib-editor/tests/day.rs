@@ -150,7 +150,7 @@ fn drawn() -> Operator {
             size: camera.size_px,
             image_circle: None,
         };
-        operator.0.apply(Action::AddCamera(still));
+        operator.0.apply(Action::AddCamera { image: still, joins_last: false });
     }
     assert_eq!(operator.site().cameras.len(), 2);
     assert_eq!(operator.stage(0), None, "no annotations");
@@ -433,7 +433,7 @@ fn steps_list_the_missing_work_of_a_camera() {
         image_circle: None,
     };
     let mut operator = Operator(Editor::default());
-    operator.0.apply(Action::AddCamera(still));
+    operator.0.apply(Action::AddCamera { image: still, joins_last: false });
     let missing = steps::missing_steps(operator.0.session(), 0);
     operator.draw(0, &demo);
     assert!(steps::missing_steps(operator.0.session(), 0) < missing);

@@ -54,7 +54,7 @@ fn unrelated_changes_keep_the_joint_result_current() {
     let before = poses(&editor);
     let still =
         NewImage { image: "yard.png".into(), title: "yard".into(), size: [640, 480], image_circle: None };
-    editor.apply(Action::AddCamera(still));
+    editor.apply(Action::AddCamera { image: still, joins_last: false });
     let free = Mark { id: Some("free".into()), seen: Vec::new(), ..editor.site().marks[0].clone() };
     change(&mut editor, |site| site.marks.push(free));
     change(&mut editor, |site| site.marks.last_mut().unwrap().at_m.x += 1.0);

@@ -38,7 +38,11 @@ impl App {
         let Some(PathField { purpose, text }) = typed.filter(|typed| !typed.text.trim().is_empty()) else {
             return;
         };
-        let chosen = vec![Chosen::of_path(PathBuf::from(text.trim()))];
+        let mut path = PathBuf::from(text.trim());
+        if let (Some(ending), None) = (purpose.saved_ending(), path.extension()) {
+            path.set_extension(ending);
+        }
+        let chosen = vec![Chosen::of_path(path)];
         match purpose {
             // A typed path can be a folder of images.
             Purpose::AddImages => self.open_files(ctx, chosen),

@@ -150,6 +150,7 @@ impl App {
     /// Starts reading an image that becomes a camera.
     pub fn add_still(&mut self, ctx: &Context, file: Chosen) {
         let task = self.read_still(ctx, file);
+        self.jobs.has_added &= !self.jobs.adding.is_empty();
         self.jobs.adding.push(task);
     }
 
@@ -220,7 +221,8 @@ impl App {
                 Ok(picture) if picture.position.is_some() => self.show_plan(picture, None),
                 Ok(picture) => {
                     let still = self.stored(picture);
-                    self.act(Action::AddCamera(still));
+                    let joins_last = std::mem::replace(&mut self.jobs.has_added, true);
+                    self.act(Action::AddCamera { image: still, joins_last });
                 }
                 Err(error) => self.act(Action::AddError(error)),
             }

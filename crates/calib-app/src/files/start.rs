@@ -211,9 +211,27 @@ fn autosave_buttons(ui: &mut Ui, [name, words]: &[String; 2]) -> Option<bool> {
     ui.label(RichText::new(words).color(palette.text2));
     ui.horizontal(|ui| {
         let goes_on = ui.button("Continue").clicked().then_some(true);
-        goes_on.or_else(|| ui.button("Discard").clicked().then_some(false))
+        let discards = confirmed(ui, name, ["Discard", "Discard permanently"], &format!("Discard {name}"));
+        goes_on.or_else(|| discards.then_some(false))
     })
     .inner
+}
+
+/// Shows a button for an action that cannot be undone; returns true at the second click. `texts` are the texts before
+/// the first and before the second click, and `label` is the name for screen readers.
+fn confirmed(ui: &mut Ui, key: &str, texts: [&str; 2], label: &str) -> bool {
+    let id = ui.scope_id().with(("confirmed", key));
+    let is_armed = ui.data(|data| data.get_temp(id).unwrap_or(false));
+    let text = match is_armed {
+        true => RichText::new(texts[1]).color(theme::palette(ui.ctx()).bad),
+        false => RichText::new(texts[0]),
+    };
+    let button = ui.button(text);
+    button.widget_info(|| WidgetInfo::labeled(Role::Button, true, label));
+    if button.clicked() {
+        ui.data_mut(|data| data.insert_temp(id, !is_armed));
+    }
+    button.clicked() && is_armed
 }
 
 /// Shows a thumbnail, or an empty frame until the image is decoded.
@@ -325,20 +343,8 @@ fn row(shelf: &mut dyn Shelf, ui: &mut Ui, entry: &Entry) {
     let palette = theme::palette(ui.ctx());
     let name = if entry.name.is_empty() { "Unnamed site" } else { &entry.name };
     ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-        // The removal of a site cannot be undone, therefore it needs a second click.
-        let id = ui.scope_id().with(("remove", &entry.id));
-        let armed = ui.data(|data| data.get_temp(id).unwrap_or(false));
-        let text = if armed {
-            RichText::new("Remove permanently").color(palette.bad)
-        } else {
-            RichText::new("Remove")
-        };
-        let button = ui.button(text);
-        button.widget_info(|| WidgetInfo::labeled(Role::Button, true, format!("Remove {name}")));
-        if button.clicked() && armed {
+        if confirmed(ui, &entry.id, ["Remove", "Remove permanently"], &format!("Remove {name}")) {
             shelf.remove(&entry.id);
-        } else if button.clicked() {
-            ui.data_mut(|data| data.insert_temp(id, true));
         }
         ui.with_layout(Layout::top_down(Align::Min), |ui| {
             ui.add_space(4.0);

@@ -23,10 +23,50 @@ pub fn palette_ui(app: &mut App, ctx: &Context) {
     }
 }
 
-/// Whether the text contains every word of the query, in any order and case.
+/// Words that people type, and the words of the commands that they mean.
+const SYNONYMS: &[(&str, &[&str])] = &[
+    ("delete", &["remove"]),
+    ("remove", &["delete"]),
+    ("distance", &["known length", "measure", "scale"]),
+    ("length", &["measure", "scale"]),
+    ("ruler", &["measure"]),
+    ("height", &["upright", "measure"]),
+    ("person", &["upright"]),
+    ("people", &["upright"]),
+    ("coverage", &["density"]),
+    ("blind", &["density"]),
+    ("resolution", &["density"]),
+    ("load", &["open", "add"]),
+    ("import", &["open"]),
+    ("photo", &["image"]),
+    ("picture", &["image"]),
+    ("map", &["plan"]),
+    ("drawing", &["plan"]),
+    ("solve", &["refine"]),
+    ("optimise", &["refine"]),
+    ("optimize", &["refine"]),
+    ("place", &["refine", "placement"]),
+    ("propose", &["automatically"]),
+    ("detect", &["automatically"]),
+    ("distortion", &["straight", "lens"]),
+    ("polygon", &["field of view", "region", "area"]),
+    ("print", &["report"]),
+    ("screenshot", &["as an image"]),
+    ("dark", &["theme"]),
+    ("light", &["theme"]),
+    ("imperial", &["feet"]),
+    ("metres", &["feet"]),
+    ("help", &["tour", "keyboard", "about"]),
+];
+
+/// Whether the text contains every word of the query or a synonym of it, in any order and case.
 fn is_match(text: &str, query: &str) -> bool {
     let text = text.to_lowercase();
-    query.to_lowercase().split_whitespace().all(|word| text.contains(word))
+    query.to_lowercase().split_whitespace().all(|word| {
+        // The first letters of a word are enough.
+        let synonyms = SYNONYMS.iter().filter(|(typed, _)| word.len() > 2 && typed.starts_with(word));
+        text.contains(word) || synonyms.flat_map(|(_, meant)| *meant).any(|meant| text.contains(meant))
+    })
 }
 
 fn commands(app: &mut App, ctx: &Context) {

@@ -34,7 +34,7 @@ impl Editor {
         }
     }
 
-    pub(super) fn add_camera(&mut self, new: NewImage) {
+    pub(super) fn add_camera(&mut self, new: NewImage, joins_last: bool) {
         let NewImage { image, title, size, image_circle } = new;
         let site = &mut self.session.site;
         let is_used = |id: &str| site.cameras.iter().any(|camera| camera.id == id);
@@ -45,7 +45,11 @@ impl Editor {
         let lens = image_circle.map(|_| LensEntry { image_circle_px: image_circle, ..LensEntry::default() });
         site.cameras.push(SiteCamera { image: Some(image), lens, ..SiteCamera::new(id.clone(), size) });
         let added = site.cameras.len() - 1;
-        self.session.commit(format!("add {id}"));
+        let joined = if joins_last { self.session.history.take_added("add ") } else { 0 };
+        self.session.commit(match joined {
+            0 => format!("add {id}"),
+            joined => format!("add {} images", joined + 1),
+        });
         // If several cameras are added, the first one is selected. An unfinished gesture is not interrupted.
         let is_begun =
             self.session.entry().is_some_and(|entry| !entry.annotations.is_empty() || entry.is_given());

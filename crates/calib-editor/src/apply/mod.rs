@@ -48,7 +48,7 @@ impl Editor {
             Action::Newer(action) => self.on_newer(action),
             Action::Proposing(command) => self.proposing(command),
             Action::Cameras(command) => self.on_cameras(command),
-            Action::AddCamera(image) => self.add_camera(image),
+            Action::AddCamera { image, joins_last } => self.add_camera(image, joins_last),
             Action::ReplaceImage(of, image) => self.replace_image(of, image),
             Action::BlendReplacedImage(share) => self.blend_replaced(share),
             Action::HideReplacedImage => self.replaced_image = None,
