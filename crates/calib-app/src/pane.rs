@@ -16,9 +16,9 @@ use crate::canvas::{Bend, Mapping, View};
 use crate::compare::panel;
 use crate::handles;
 use crate::keys;
-use crate::paint::{Pen, line};
+use crate::paint::{Pen, line, tag};
 use crate::picture::picture_key;
-use crate::plan::coverage::{legend_ui, paint_coverage, update_coverage};
+use crate::plan::coverage::{legend_ui, paint_borders, paint_coverage, update_coverage};
 use crate::plan::drawing_fields::snapped;
 use crate::plan::floor::Floor;
 use crate::plan::north::paint_north;
@@ -235,6 +235,10 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     image::paint(app, &painter, name.as_deref(), &mapping, rect);
     image::blend_old(app, &painter, camera, &mapping, size);
     let split = panel::paint(app, &painter, (camera, place), &mapping, size);
+    let border_labels = match app.view.coverage && !app.view.layers.hidden {
+        true => paint_borders(app, camera, &painter, &mapping),
+        false => Vec::new(),
+    };
     let is_own = camera == app.editor.session().camera && place != Place::Tile;
     let suggested = if is_own { app.suggested(ui.ctx()) } else { Vec::new() };
     let is_measured = !app.editor.site().measurements.is_empty();
@@ -247,6 +251,9 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
         overlay.compare(split, app.editor.newer(camera));
     }
     overlay.paint(&painter);
+    for (at, text) in border_labels {
+        tag(&painter, at, egui::Align2::CENTER_BOTTOM, &text, on_image::WHITE);
+    }
     if is_measured && !app.view.layers.hidden {
         paint_on_image(app, camera, &overlay, &painter);
     }

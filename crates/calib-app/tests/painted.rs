@@ -437,3 +437,33 @@ mod start {
         assert!(said.contains("1 camera, 2 hours ago"), "{said}");
     }
 }
+
+#[test]
+fn borders_of_the_density_levels_are_in_the_image() {
+    let mut desk = Desk::new(demo());
+    let borders = |desk: &Desk| -> Vec<String> {
+        texts(desk)
+            .into_iter()
+            .map(|(text, _)| text)
+            .filter(|text| text.contains("px/m, border \u{b1} "))
+            .collect()
+    };
+    assert!(borders(&desk).is_empty());
+    desk.tell(Command::Coverage);
+    let shown = borders(&desk);
+    assert!(shown.iter().any(|text| text.starts_with("recognise: 125 px/m, border \u{b1} ")), "{shown:?}");
+    // A floor of unknown scale has no pixels per metre.
+    let mut site = demo();
+    site.cameras.truncate(1);
+    let camera = &mut site.cameras[0];
+    (camera.placement, camera.height_m) = (None, None);
+    camera.control_points.clear();
+    camera.annotations.retain(|annotation| {
+        !matches!(annotation.kind, Kind::Upright | Kind::KnownLength | Kind::EqualLength)
+    });
+    site.links.clear();
+    site.marks.clear();
+    let mut desk = Desk::new(site);
+    desk.tell(Command::Coverage);
+    assert!(borders(&desk).is_empty());
+}

@@ -1,5 +1,5 @@
-//! Measured coverage on the floor plan: the visible floor coloured by its pixel density, a legend with the area
-//! of each level, and the density under the pointer.
+//! Measured coverage: on the floor plan, the visible floor coloured by its pixel density, with a legend of the area of
+//! each level and the density under the pointer; in the images, the borders of the levels.
 
 use calib_report::{level_colour, level_text};
 use calib_site::Site;
@@ -7,8 +7,9 @@ use egui::{Align2, Color32, ComboBox, Frame, Mesh, Painter, Pos2, Rect, RichText
 
 use crate::canvas::Mapping;
 use crate::paint::{Pen, line, tag};
-use crate::state::{App, Computed, ShownCoverage};
+use crate::state::{App, Computed, ShownBorder, ShownCoverage};
 use crate::theme::{self, colour, on_image};
+use crate::widgets::{decimals, number};
 
 /// Height of a target above the floor, with its name.
 type Target = (&'static str, f64);
@@ -46,6 +47,39 @@ pub(crate) fn paint_coverage(
     }
     painter.add(Shape::mesh(mesh));
     paint_survey(site, found, painter, mapping);
+}
+
+/// Paints the borders of the levels in the image of a camera. Nothing is painted while the scale is unknown.
+///
+/// Returns the labels with their places: level, limit, and standard deviation of the border on the floor.
+pub(crate) fn paint_borders(
+    app: &mut App,
+    camera: usize,
+    painter: &Painter,
+    mapping: &Mapping,
+) -> Vec<(Pos2, String)> {
+    let session = app.editor.session();
+    let (units, size) = (session.site.units, session.site.cameras[camera].size());
+    let pose = session.solved.pose(camera).copied().filter(|_| session.solved.scale_is_known(camera));
+    let Some(pose) = pose else { return Vec::new() };
+    let borders = app.coverage.get_or_insert_default().borders(camera, &pose, size);
+    for border in borders.iter().map(|shown| &shown.border) {
+        let shown = colour(level_colour(Some(border.level)));
+        for ends in &border.segments {
+            let ends = ends.map(|end| mapping.screen(end.into()));
+            line(painter, &ends, Pen::new(on_image::WHITE, 4.0));
+            line(painter, &ends, Pen::new(shown, 2.0));
+        }
+    }
+    let text = |shown: &ShownBorder| {
+        let level = shown.border.level;
+        let sigma = shown.sigma.map_or_else(String::new, |sigma| {
+            let sigma = sigma / units.metres();
+            format!(", border \u{b1} {} {}", number(sigma, decimals(sigma)), units.symbol())
+        });
+        format!("{}: {} px/m{sigma}", level.name(), level.pixels_per_metre())
+    };
+    borders.iter().map(|shown| (mapping.screen(shown.label.into()), text(shown))).collect()
 }
 
 /// Paints walls, and the outlines of the areas of interest, with their results if there are any.

@@ -1,7 +1,7 @@
 //! Coverage that the plan shows: the pixel density of the visible floor, computed when its inputs change.
 
-use calib_core::floor::{DensityLevel, FloorGrid};
-use calib_core::{Camera, FloorPoint};
+use calib_core::floor::{DensityBorder, DensityLevel, FloorGrid};
+use calib_core::{Camera, FloorPoint, Pixel};
 use calib_editor::Session;
 use calib_report::levels;
 use calib_site::{CoverageOptions, LevelRectangle, Site, SiteCamera};
@@ -13,11 +13,43 @@ pub struct ShownCoverage {
     pub(crate) height: f64,
     inputs: Option<Inputs>,
     pub(crate) result: Result<Computed, String>,
+    /// Borders of the levels in the images that are shown.
+    in_images: Vec<ImageBorders>,
+}
+
+/// Borders of the density levels in the image of a camera.
+#[derive(Debug)]
+struct ImageBorders {
+    /// Index of the camera.
+    camera: usize,
+    /// Pose of the camera and height of the targets, from which the borders were computed.
+    inputs: (Camera, f64),
+    borders: Vec<ShownBorder>,
+}
+
+/// Border of a density level, with the place and the text of its label.
+#[derive(Debug)]
+pub(crate) struct ShownBorder {
+    pub(crate) border: DensityBorder,
+    /// Raw pixel of the border that is nearest to the middle of the image's width.
+    pub(crate) label: Pixel,
+    /// Standard deviation of the border on the floor at the label, in metres; `None` if it is unknown.
+    pub(crate) sigma: Option<f64>,
+}
+
+impl ShownBorder {
+    fn new(border: DensityBorder, pose: &Camera, width: f64, height: f64) -> Option<Self> {
+        let off_centre = |pixel: &Pixel| (pixel.u - 0.5 * width).abs();
+        let pixels = border.segments.iter().flatten();
+        let label = *pixels.min_by(|a, b| off_centre(a).total_cmp(&off_centre(b)))?;
+        let point = pose.pixel_to_floor(label, height)?.at_height(height);
+        Some(Self { sigma: pose.density_border_sigma(point), border, label })
+    }
 }
 
 impl Default for ShownCoverage {
     fn default() -> Self {
-        Self { height: 0.0, inputs: None, result: Ok(Computed::default()) }
+        Self { height: 0.0, inputs: None, result: Ok(Computed::default()), in_images: Vec::new() }
     }
 }
 
@@ -150,6 +182,23 @@ impl ShownCoverage {
             self.result = Computed::new(session, &inputs);
             self.inputs = Some(inputs);
         }
+    }
+
+    /// Returns the borders of the levels in the image of a camera, computed when its pose changes.
+    pub(crate) fn borders(&mut self, camera: usize, pose: &Camera, size: [f64; 2]) -> &[ShownBorder] {
+        let inputs = (*pose, self.height);
+        let known = self.in_images.iter().position(|known| known.camera == camera);
+        let index = known.unwrap_or_else(|| {
+            self.in_images.push(ImageBorders { camera, inputs, borders: Vec::new() });
+            self.in_images.len() - 1
+        });
+        let known_inputs = known.map(|index| self.in_images[index].inputs);
+        if known_inputs != Some(inputs) {
+            let borders = pose.density_borders(size, self.height).into_iter();
+            let shown = borders.filter_map(|border| ShownBorder::new(border, pose, size[0], self.height));
+            self.in_images[index] = ImageBorders { camera, inputs, borders: shown.collect() };
+        }
+        &self.in_images[index].borders
     }
 
     /// Describes the coverage at a floor point, such as "142 px/m (recognise) by shop-1, seen by 2".

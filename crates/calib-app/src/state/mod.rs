@@ -14,6 +14,7 @@ mod work;
 pub use app::{App, Dialogs, Hover, Jobs, Storage, ViewState};
 pub(crate) use comparing::{Comparing, Recovering};
 pub(crate) use coverage::Computed;
+pub(crate) use coverage::ShownBorder;
 pub use coverage::ShownCoverage;
 pub use export::Sheet;
 pub use files::{Conflict, Decision, Outside, PathField, Why};

@@ -18,6 +18,7 @@
 //! - `camera_view`: pixels and boxes of a stream, as the bindings for other languages use them.
 //! - `remap`: undistorted images, also of a stream.
 //! - `pixel_density`: **pixels per metre of a vertical target**, and the levels of IEC 62676-4.
+//! - `density_border`: the borders of the density levels in an image, with standard deviations.
 //! - `coverage`: visible floor, blind spots and walls of a group of cameras.
 //! - `ruler`: **lengths, areas and heights with their standard deviations**.
 //! - `tangent_plane`: geographic coordinates of the site;
@@ -39,6 +40,7 @@ mod detection_box;
 mod camera_view;
 mod remap;
 mod pixel_density;
+mod density_border;
 mod coverage;
 mod ruler;
 mod tangent_plane;
@@ -47,6 +49,7 @@ mod window;
 
 pub use camera_view::CameraView;
 pub use coverage::{AreaCoverage, Coverage, CoverageCamera, FloorGrid, Reach, Requirement, Wall};
+pub use density_border::DensityBorder;
 pub use detection_box::BoxForm;
 pub use efov::{Efov, default_efov, efov_on_floor, efov_on_plane};
 pub use extent::{Extent, Status};
