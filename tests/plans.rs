@@ -93,3 +93,39 @@ fn picture_is_not_written_under_the_name_of_another_format() {
         assert!(!scratch.path(name).exists(), "{name}");
     }
 }
+
+#[test]
+fn lines_of_a_layer_become_walls() {
+    let scratch = Scratch::new();
+    scratch.write("hall.dxf", hall());
+    scratch
+        .write("site.json", site(&json!({"metres_per_px": 0.02, "origin_px": [0, 600], "x_axis_deg": 90})));
+    let plan = |from: &str, to: &str, more: &[&str]| {
+        scratch.calib(&[&["plan", "hall.dxf", "--site", from, "-o", to][..], more].concat())
+    };
+    let told =
+        plan("site.json", "walls.json", &["--walls", "walls", "--wall-height-m", "3.5"]).expect_code(0);
+    assert!(told.stderr.contains("4 walls"), "{}", told.stderr);
+    let walls = scratch.read_json("walls.json")["walls"].clone();
+    let first = &walls[0];
+    assert_eq!((&first["from_m"], &first["to_m"]), (&json!([0.0, 0.0]), &json!([20.0, 0.0])));
+    let number = |value: &Value| value.as_f64().unwrap();
+    let length = |wall: &Value| {
+        let [dx, dy] = [0, 1].map(|k| number(&wall["to_m"][k]) - number(&wall["from_m"][k]));
+        dx.hypot(dy)
+    };
+    assert!((length(first) - 20.0).abs() < 1e-6 && first["height_m"] == 3.5, "{first}");
+    assert!((length(&walls[1]) - 12.0).abs() < 1e-6, "{walls}");
+    // The same walls are not added again; another layer is.
+    let again =
+        plan("walls.json", "again.json", &["--walls", "WALLS", "--walls", "FURNITURE"]).expect_code(0);
+    assert!(again.stderr.contains("1 wall added"), "{}", again.stderr);
+    assert_eq!(scratch.read_json("again.json")["walls"].as_array().unwrap().len(), 5);
+    let unknown = plan("site.json", "x.json", &["--walls", "DOORS"]).expect_code(2);
+    assert!(
+        unknown.stderr.contains("--walls DOORS") && unknown.stderr.contains("FURNITURE"),
+        "{}",
+        unknown.stderr
+    );
+    scratch.calib(&["plan", "hall.dxf", "--walls", "WALLS"]).expect_code(2);
+}

@@ -6,7 +6,7 @@ use std::path::Path;
 use calib_core::PlanPixel;
 use calib_plan::{Drawing, DrawingFacts, DrawingKind, ScaleSource, View};
 use calib_report::shortened_list;
-use calib_site::{CoordinateSystem, MapPosition, Plan, Site};
+use calib_site::{CoordinateSystem, MapPosition, Plan, Site, WallEntry, counted};
 use serde_json::{Value, json};
 
 use crate::args::{grid, unit};
@@ -43,6 +43,12 @@ pub(crate) struct Args {
     /// Site that gets this plan; the positions of its cameras stay
     #[arg(long, value_name = "SITE", requires = "output")]
     site: Option<String>,
+    /// Layer of a DXF whose straight lines become walls of the site, for the coverage; repeat for several
+    #[arg(long, value_name = "LAYER", requires = "site")]
+    walls: Vec<String>,
+    /// Height of these walls in metres [default: higher than every camera]
+    #[arg(long, value_name = "M", value_parser = wall_height, requires = "walls")]
+    wall_height_m: Option<f64>,
     /// File to write: a picture (PNG, or JPEG for .jpg), or with --site the site with this plan; - is stdout
     #[arg(short, long, value_name = "FILE")]
     output: Option<String>,
@@ -67,6 +73,12 @@ fn ratio(text: &str) -> Result<f64, String> {
 fn pixel_size(text: &str) -> Result<f64, String> {
     let size = text.trim().parse::<f64>().ok().filter(|size| (1e-9..1e9).contains(size));
     size.ok_or_else(|| "expected metres above 0".into())
+}
+
+/// Parses the height of a wall in metres.
+fn wall_height(text: &str) -> Result<f64, String> {
+    let height = text.trim().parse::<f64>().ok().filter(|height| (0.01..1e3).contains(height));
+    height.ok_or_else(|| "expected metres above 0".into())
 }
 
 /// Floor plan that was read.
@@ -98,7 +110,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     let crs = args.crs.clone().or_else(of_site);
     let read = read_plan(&file, args, &View { page: args.page, layers: layers.clone() }, crs.as_ref())?;
     if let Some((site, name)) = site.zip(args.site.as_ref()) {
-        return write_site(args, (site, name, path), &read, layers);
+        let lines = wall_lines(args, &file.bytes)?;
+        return write_site(args, (site, name, path), &read, layers, &lines);
     }
     if let Some(output) = &args.output {
         let invalid = |error| CommandError::invalid(path.display(), error);
@@ -144,10 +157,7 @@ fn read_plan(
         return Ok(ReadPlan { drawing: None, size, image: Some(image), scale: given, position });
     };
     let facts = &drawing.facts;
-    if let Some(unknown) = args.layers.iter().find(|name| !facts.has_layer(name)) {
-        let names = shortened_list(facts.layers.iter().map(|layer| layer.name.as_str()));
-        return Err(CommandError::Usage(format!("--layer {unknown}: {} has the layers {names}", args.file)));
-    }
+    check_layers("--layer", &args.layers, facts, &args.file)?;
     for note in &facts.notes {
         print_message(format_args!("calib: {}: {note}", args.file));
     }
@@ -212,6 +222,7 @@ fn write_site(
     (file, site, path): (SiteFile, &str, &Path),
     read: &ReadPlan,
     layers: Option<Vec<String>>,
+    wall_lines: &[[PlanPixel; 2]],
 ) -> Result<(), CommandError> {
     let output = args.output.as_deref().unwrap_or("-");
     let file = file.relative_to(output);
@@ -230,9 +241,51 @@ fn write_site(
         plan.metres_per_px, plan.origin_px.x, plan.origin_px.y
     ));
     let mut site = file.site;
+    let walls: Vec<WallEntry> = wall_lines
+        .iter()
+        .map(|line| line.map(|end| plan.scale().floor_from_plan(end)))
+        .map(|[from_m, to_m]| WallEntry { from_m, to_m, height_m: args.wall_height_m })
+        .collect();
     site.replace_plan(plan);
+    let added = site.add_walls(walls);
+    if !args.walls.is_empty() {
+        let added = counted(added, "wall", "walls");
+        print_message(format_args!("calib: {added} added from {}", args.walls.join(", ")));
+    }
     site.check().map_err(|error| CommandError::invalid(&args.file, format!("with this plan: {error}")))?;
     files::write(output, site.to_json().as_bytes(), args.force)
+}
+
+/// Returns the straight lines of the layers that become walls, in plan pixels.
+fn wall_lines(args: &Args, bytes: &[u8]) -> Result<Vec<[PlanPixel; 2]>, CommandError> {
+    if args.walls.is_empty() {
+        return Ok(Vec::new());
+    }
+    let view = View { page: None, layers: Some(args.walls.clone()) };
+    let invalid = |error: String| CommandError::invalid(&args.file, error);
+    let drawing = calib_plan::read(bytes, &view).transpose().map_err(|error| invalid(error.to_string()))?;
+    let Some(drawing) = drawing.filter(|drawing| drawing.facts.kind == DrawingKind::Dxf) else {
+        return Err(CommandError::Usage(format!("--walls: {} is not a DXF", args.file)));
+    };
+    check_layers("--walls", &args.walls, &drawing.facts, &args.file)?;
+    // The pixels of a drawing do not depend on the layers that are shown.
+    Ok(drawing.lines_px.into_iter().map(|line| line.map(PlanPixel::from)).collect())
+}
+
+/// Refuses names that are not layers of the drawing.
+fn check_layers(
+    option: &str,
+    asked: &[String],
+    facts: &DrawingFacts,
+    file: &str,
+) -> Result<(), CommandError> {
+    match asked.iter().find(|name| !facts.has_layer(name)) {
+        None => Ok(()),
+        Some(unknown) => {
+            let names = shortened_list(facts.layers.iter().map(|layer| layer.name.as_str()));
+            Err(CommandError::Usage(format!("{option} {unknown}: {file} has the layers {names}")))
+        }
+    }
 }
 
 /// Returns the advice for a plan without a scale.

@@ -177,6 +177,8 @@ pub struct Drawing {
     pub picture: Picture,
     /// Properties.
     pub facts: DrawingFacts,
+    /// Straight lines of the shown layers of a DXF: both ends, in pixels.
+    pub lines_px: Vec<[[f64; 2]; 2]>,
 }
 
 impl Drawing {

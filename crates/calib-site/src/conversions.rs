@@ -1,6 +1,8 @@
 //! Conversions between entries of the site file and geometric types: planes, plan, lens, camera, priors, and
 //! field of view.
 
+use std::collections::BTreeSet;
+
 use calib_core::camera::{
     Camera, Coefficient, Covariance, Distortion, DistortionModel, FloorPoint, ImageCircle, Lens, Pixel,
     PlanScale, Plane, WorldPoint,
@@ -16,6 +18,7 @@ use crate::geographic::SurveyedPosition;
 use crate::principal_point::PrincipalPointEntry;
 use crate::scene::PlaneEntry;
 use crate::solution::{CovarianceEntry, DistortionEntry, Method, Sigmas, Solution, Stage};
+use crate::survey_entries::WallEntry;
 
 impl Site {
     /// Returns the plane with this id.
@@ -106,6 +109,25 @@ impl Site {
             plan.georeference = plan.georeference.or_else(|| old.georeference.clone());
         }
         self.plan = Some(plan);
+    }
+
+    /// Adds walls that are at least 0.1 m long and that the site does not yet contain, to a millimetre. Returns their
+    /// number.
+    pub fn add_walls(&mut self, walls: impl IntoIterator<Item = WallEntry>) -> usize {
+        /// Shortest line of a drawing that is a wall, in metres. Shorter lines are details.
+        const SHORTEST: f64 = 0.1;
+        let key = |wall: &WallEntry| {
+            let mut ends =
+                [wall.from_m, wall.to_m].map(|end| [end.x, end.y].map(|at| (1e3 * at).round() as i64));
+            ends.sort_unstable();
+            ends
+        };
+        let mut known: BTreeSet<[[i64; 2]; 2]> = self.walls.iter().map(key).collect();
+        let before = self.walls.len();
+        let is_new =
+            |wall: &WallEntry| wall.from_m.distance(wall.to_m) >= SHORTEST && known.insert(key(wall));
+        self.walls.extend(walls.into_iter().filter(is_new));
+        self.walls.len() - before
     }
 
     /// Returns the expected deviations of the scene from the annotations' assumptions for the image of a

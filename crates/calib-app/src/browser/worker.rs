@@ -60,7 +60,7 @@ fn run_job(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, St
         DRAWING => {
             let view: View = page::read(name.as_bytes())?;
             let drawing = calib_plan::read(bytes, &view).ok_or("not a drawing")?;
-            let Drawing { picture, facts } = drawing.map_err(|error| error.to_string())?;
+            let Drawing { picture, facts, .. } = drawing.map_err(|error| error.to_string())?;
             let Picture::Svg(svg) = picture else { return Err("the drawing has no lines".into()) };
             let facts = serde_json::to_vec(&facts).map_err(|error| error.to_string())?;
             Ok(Array::of2(&Uint8Array::from(&*facts).into(), &Uint8Array::from(svg.as_bytes()).into()))

@@ -59,6 +59,8 @@ pub(super) struct Model<'a> {
     pub(super) labels: Vec<Label>,
     /// Ends and corners of lines and polylines.
     pub(super) corners: Vec<Point>,
+    /// Straight lines, with the straight parts of polylines.
+    pub(super) lines: Vec<kurbo::Line>,
     /// Bounds of the lines that the drawing shows, whatever layers are shown here: pixels must not depend on the
     /// shown layers.
     pub(super) boxes: Vec<Rect>,
@@ -85,6 +87,7 @@ impl<'a> Model<'a> {
             strokes: Vec::new(),
             labels: Vec::new(),
             corners: Vec::new(),
+            lines: Vec::new(),
             boxes: Vec::new(),
             hidden_boxes: Vec::new(),
             counts: BTreeMap::new(),
@@ -245,6 +248,10 @@ impl<'a> Model<'a> {
         if let Some(path) = self.visible(path, at, style) {
             if has_corners {
                 self.corners.extend(path.elements().iter().filter_map(kurbo::PathEl::end_point));
+                self.lines.extend(path.segments().filter_map(|part| match part {
+                    kurbo::PathSeg::Line(line) => Some(line),
+                    kurbo::PathSeg::Quad(_) | kurbo::PathSeg::Cubic(_) => None,
+                }));
             }
             self.strokes.push(Stroke { path, colour: style.colour, is_filled: false });
         }

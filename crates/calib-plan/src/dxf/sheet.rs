@@ -77,7 +77,9 @@ pub(crate) fn read(bytes: &[u8], view: &View) -> Result<Drawing, PlanError> {
         notes: notes(&model, &pairs, distant, &unknown),
         ..DrawingFacts::new(DrawingKind::Dxf, size.map(|side| side as u32))
     };
-    Ok(Drawing { picture: Picture::Svg(document(&model, to_pixels, size)), facts })
+    let pixel = |at: Point| <(f64, f64)>::from(to_pixels * at).into();
+    let lines_px = model.lines.iter().map(|line| [pixel(line.p0), pixel(line.p1)]).collect();
+    Ok(Drawing { picture: Picture::Svg(document(&model, to_pixels, size)), facts, lines_px })
 }
 
 /// Returns the layers of the tables and those that only records name.
