@@ -270,20 +270,20 @@ impl App {
                 return;
             }
         };
-        match import_any(&files) {
-            Ok((format, imported)) => self.take_imported(&files[0].name, format, imported),
-            Err(error) if files.len() == 1 => {
-                self.act(Action::AddError(format!("Can't open {}. {error}", files[0].name)));
-            }
-            Err(_) => {
-                for file in files {
-                    match import_any(std::slice::from_ref(&file)) {
-                        Ok((format, imported)) => self.take_imported(&file.name, format, imported),
-                        Err(error) => {
-                            self.act(Action::AddError(format!("Can't open {}. {error}", file.name)))
-                        }
-                    }
-                }
+        let error = match import_any(&files) {
+            Ok((format, imported)) => return self.take_imported(&files[0].name, format, imported),
+            Err(error) => error,
+        };
+        let alone: Vec<_> = files.iter().map(|file| import_any(std::slice::from_ref(file))).collect();
+        if alone.iter().all(Result::is_err) {
+            let names: Vec<&str> = files.iter().map(|file| file.name.as_str()).collect();
+            self.act(Action::AddError(format!("Can't open {}. {error}", names.join(", "))));
+            return;
+        }
+        for (file, result) in files.iter().zip(alone) {
+            match result {
+                Ok((format, imported)) => self.take_imported(&file.name, format, imported),
+                Err(error) => self.act(Action::AddError(format!("Can't open {}. {error}", file.name))),
             }
         }
     }
