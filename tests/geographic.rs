@@ -381,7 +381,7 @@ fn a_camera_far_from_the_origin_of_the_map_is_reported() {
         report.site_findings.iter().find(is_large).cloned()
     };
     assert_eq!(finding(4_950.0), None);
-    let Some(Finding::LargeSite { camera: 0, distance, drop }) = finding(7_200.0) else {
+    let Some(Finding::LargeSite { camera: 0, distance, drop, is_compact: true }) = finding(7_200.0) else {
         panic!("no finding at 7.2 km")
     };
     assert!((distance - 7_200.0).abs() < 50.0, "{distance} m");

@@ -228,14 +228,16 @@ impl Mapping {
         }
     }
 
-    /// Returns the view zoomed by `factor`; the content at the screen point `at` stays there.
+    /// Returns the view zoomed by `factor`; the content at the screen point `at` stays there. `fitted` is the zoom that
+    /// shows the whole document.
     #[must_use]
-    pub fn zoomed(&self, at: Pos2, factor: f64) -> View {
+    pub fn zoomed(&self, at: Pos2, factor: f64, fitted: f64) -> View {
         let fixed = self.flat_at(at);
         let mut view = self.view;
         let (least, greatest) = if view.y_up { FLOOR_ZOOM } else { IMAGE_ZOOM };
-        // A view that shows a whole large document can be beyond the range, and stays there.
-        view.zoom = (view.zoom * factor).clamp(least.min(view.zoom), greatest.max(view.zoom));
+        // The view that shows the whole document is always within the range.
+        let least = least.min(fitted).min(view.zoom);
+        view.zoom = (view.zoom * factor).clamp(least, greatest.max(view.zoom));
         let now = Self { view, ..*self }.flat_at(at);
         view.centre = [view.centre[0] + fixed[0] - now[0], view.centre[1] + fixed[1] - now[1]];
         view
@@ -358,7 +360,7 @@ mod tests {
             let at = Pos2::new(222.0, 333.0);
             let before = mapping.document(at);
             for _ in 0..40 {
-                mapping.view = mapping.zoomed(at, 1.2);
+                mapping.view = mapping.zoomed(at, 1.2, 1.0);
             }
             let after = mapping.document(at);
             assert!((before[0] - after[0]).abs() < 1e-6 && (before[1] - after[1]).abs() < 1e-6);

@@ -198,7 +198,8 @@ fn zoom(app: &mut App, factor: f64) {
     if let Some(mapping) = app.view.panes.mapping(key.0, key.1) {
         let over = app.view.panes.cursor.filter(|(pane, _)| *pane == key.1);
         let at = over.map_or_else(|| mapping.rect.center(), |(_, at)| mapping.screen(at));
-        app.view.panes.views.insert(key, mapping.zoomed(at, factor));
+        let fitted = app.view.panes.fitted_zoom(key);
+        app.view.panes.views.insert(key, mapping.zoomed(at, factor, fitted));
     }
 }
 

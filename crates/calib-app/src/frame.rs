@@ -4,6 +4,7 @@ use egui::{Context, Ui};
 
 use crate::command;
 use crate::keys;
+use crate::platform::{Here, Platform as _};
 use crate::shell;
 use crate::state::{App, Sent};
 
@@ -44,6 +45,19 @@ impl App {
         }
     }
 
+    /// Opens the dropped files once they are read.
+    fn poll_arrivals(&mut self, ctx: &Context) {
+        let dropped = ctx.input_mut(|input| std::mem::take(&mut input.raw.dropped_files));
+        if !dropped.is_empty() {
+            self.jobs.arriving.push(Here::dropped(ctx, dropped));
+        }
+        let mut arrived = Vec::new();
+        self.jobs.arriving.retain(|task| task.poll().map(|files| arrived.push(files)).is_none());
+        for files in arrived {
+            self.open_files(ctx, files);
+        }
+    }
+
     /// Carries out the requests that the panels queued in this frame.
     fn apply_requests(&mut self, ctx: &Context) {
         let sent = std::mem::take(&mut self.sent);
@@ -55,7 +69,9 @@ impl App {
                 Sent::Action(action) => self.act(action),
                 Sent::Recover(index) => self.recover(index),
                 Sent::Discard(index) => self.discard_found(index),
-                Sent::OpenPath(path) => self.open_path(&path),
+                Sent::OpenPath(path) => {
+                    self.open_path(&path);
+                }
                 Sent::Decide(decision) => self.decide_on_file(decision),
                 Sent::Outside(allows) => self.settle_outside(allows),
                 Sent::Typed(typed) => self.typed(ctx, typed),

@@ -49,7 +49,7 @@ fn pan_and_zoom(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &mut Mappin
     let at = pointer.unwrap_or_else(|| mapping.rect.center());
     let factor = zoom * (f64::from(scroll.y) / 240.0).exp();
     if factor != 1.0 {
-        mapping.view = mapping.zoomed(at, factor);
+        mapping.view = mapping.zoomed(at, factor, app.view.panes.fitted_zoom(key));
     }
     if scroll.x != 0.0 {
         mapping.view.pan(Vec2::new(scroll.x, 0.0));

@@ -85,14 +85,30 @@ fn files_of_other_programs_are_imported() {
          distortion_coefficients: !!opencv-matrix\n   rows: 1\n   cols: 5\n   dt: d\n   data: [ -0.1, 0.01, 0., 0., 0. ]\n",
     );
     scratch.write("points.csv", "name,lat_deg,lon_deg\nhydrant,48.137154,11.576124\n");
-    let mut desk = Desk::new(Site::new());
-    // Both together are no format, so each is opened alone.
-    open(&mut desk, &scratch, &["calibration.yml", "points.csv"]);
-    assert_eq!(error(&desk), "");
-    let lens = desk.site().cameras[0].lens.clone().unwrap();
-    assert_eq!(lens.focal_px.unwrap().value, 60.0);
-    let points: Vec<_> = desk.site().ground_points.iter().map(|point| point.name.clone()).collect();
-    assert_eq!(points.len(), 1, "{points:?}");
+    for order in [["calibration.yml", "points.csv"], ["points.csv", "calibration.yml"]] {
+        let mut desk = Desk::new(Site::new());
+        // Both together are no format, so each is opened alone.
+        open(&mut desk, &scratch, &order);
+        assert_eq!(error(&desk), "");
+        let lens = desk.site().cameras[0].lens.clone().unwrap();
+        assert_eq!(lens.focal_px.unwrap().value, 60.0);
+        let points: Vec<_> = desk.site().ground_points.iter().map(|point| point.name.clone()).collect();
+        assert_eq!(points.len(), 1, "{points:?}");
+    }
+    // An image and its lens: the lens belongs to the camera of the image, and not to the selected camera.
+    still(&scratch, "calibration.png", [64, 48]);
+    for site in [Site::new(), demo()] {
+        let count = site.cameras.len();
+        let first = site.cameras.first().map(|camera| camera.lens.clone());
+        let mut desk = Desk::new(site);
+        open(&mut desk, &scratch, &["calibration.yml", "calibration.png"]);
+        assert_eq!(desk.site().cameras.len(), count + 1, "{}", error(&desk));
+        let lens = desk.site().cameras[count].lens.clone();
+        assert_eq!(lens.and_then(|lens| lens.focal_px).map(|focal| focal.value), Some(60.0));
+        if let Some(first) = first {
+            assert_eq!(desk.site().cameras[0].lens, first);
+        }
+    }
 }
 
 #[test]
@@ -106,6 +122,19 @@ fn site_opens_with_its_images_and_names_other_files() {
     open(&mut desk, &scratch, &["a.png", "other.png", "site.json"]);
     assert_eq!(desk.site().cameras.len(), 1, "{}", error(&desk));
     assert!(note(&desk).contains("other.png") && !note(&desk).contains("a.png,"), "{}", note(&desk));
+    // In a sorted file, the format is behind the cameras; and a damaged site does not touch the open one.
+    let padding = " ".repeat(70_000);
+    let sorted =
+        site.replace("\"image\": \"a.png\", ", "").replace("\"version\"", &format!("{padding}\"version\""));
+    scratch.write("sorted", &sorted);
+    open(&mut desk, &scratch, &["sorted"]);
+    assert!(desk.site().cameras[0].image.is_none(), "{}", error(&desk));
+    scratch.write("damaged.json", site.replace("64, 48", "64"));
+    open(&mut desk, &scratch, &["damaged.json", "a.png"]);
+    assert!(error(&desk).contains("size_px"), "{}", error(&desk));
+    scratch.write("formless.json", r#"{"version": 1, "cameras": []}"#);
+    open(&mut desk, &scratch, &["formless.json"]);
+    assert!(error(&desk).contains("format"), "{}", error(&desk));
     // The page has the content of the files, and no paths.
     let loose = |name: &str| Chosen {
         name: name.into(),
@@ -126,6 +155,7 @@ fn other_files_are_refused_with_a_way_out() {
     scratch.write("clip.mp4", b"\0\0\0\x20ftypisom\0\0\0\0");
     scratch.write("photo.bin", b"\0\0\0\x18ftypheic\0\0\0\0");
     scratch.write("other.json", "{\"a\": 1}");
+    scratch.write("BM1.csv", "BM1;48.1;11.5\n");
     for (name, expected) in [
         ("notes.txt", "Can't open"),
         ("clip.mp4", "calib still"),
@@ -173,6 +203,13 @@ fn images_opened_together_are_one_undo_step() {
     assert_eq!(count(&desk), 0);
     desk.redo();
     assert_eq!(count(&desk), 3);
+    // A refused image does not remove the others of its batch.
+    let ctx = desk.harness.ctx.clone();
+    let png = std::fs::read(scratch.path("a.png")).unwrap();
+    let loose = |name: &str| Chosen { name: name.into(), path: None, bytes: Some(png.clone()) };
+    desk.app().open_files(&ctx, vec![loose("d.png"), loose("bad\u{7}.png"), loose("e.png")]);
+    desk.wait(|app| !app.is_working());
+    assert_eq!(count(&desk), 5, "{}", error(&desk));
 }
 
 #[test]
@@ -191,6 +228,17 @@ fn typed_names_get_an_extension() {
         desk.harness.run_steps(3);
         assert!(scratch.path(written).is_file(), "{written}: {}", error(&desk));
     }
+    // A file that was not named is not replaced without a question.
+    scratch.write("other.json", "keep");
+    desk.app().type_path(Purpose::SavePlain);
+    desk.harness.run_steps(2);
+    desk.app().dialogs.path_field.as_mut().unwrap().text = scratch.path("other").display().to_string();
+    desk.key(Key::Enter);
+    desk.harness.run_steps(3);
+    assert_eq!(std::fs::read_to_string(scratch.path("other.json")).unwrap(), "keep");
+    desk.key(Key::Enter);
+    desk.harness.run_steps(3);
+    assert_ne!(std::fs::read_to_string(scratch.path("other.json")).unwrap(), "keep", "{}", error(&desk));
 }
 
 #[test]

@@ -96,6 +96,12 @@ impl OutputArgs {
         files::check_free(&self.output, self.force)
     }
 
+    /// Refuses an existing output file, and a name that is not that of a picture, before any work is done.
+    pub(crate) fn check_picture(&self) -> Result<(), CommandError> {
+        picture::is_jpeg_name(&self.output)?;
+        self.check_free()
+    }
+
     /// Writes the complete file, or nothing.
     pub(crate) fn write(&self, bytes: &[u8]) -> Result<(), CommandError> {
         files::write(&self.output, bytes, self.force)

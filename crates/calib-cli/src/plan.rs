@@ -78,7 +78,7 @@ fn pixel_size(text: &str) -> Result<f64, String> {
 /// Parses the height of a wall in metres.
 fn wall_height(text: &str) -> Result<f64, String> {
     let height = text.trim().parse::<f64>().ok().filter(|height| (0.01..1e3).contains(height));
-    height.ok_or_else(|| "expected metres above 0".into())
+    height.ok_or_else(|| "expected metres from 0.01 to 1000".into())
 }
 
 /// Floor plan that was read.
@@ -110,8 +110,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     let crs = args.crs.clone().or_else(of_site);
     let read = read_plan(&file, args, &View { page: args.page, layers: layers.clone() }, crs.as_ref())?;
     if let Some((site, name)) = site.zip(args.site.as_ref()) {
-        let lines = wall_lines(args, &file.bytes)?;
-        return write_site(args, (site, name, path), &read, layers, &lines);
+        let walls = wall_lines(args, &file.bytes)?;
+        return write_site(args, (site, name, path), &read, layers, &walls);
     }
     if let Some(output) = &args.output {
         let invalid = |error| CommandError::invalid(path.display(), error);
@@ -222,7 +222,7 @@ fn write_site(
     (file, site, path): (SiteFile, &str, &Path),
     read: &ReadPlan,
     layers: Option<Vec<String>>,
-    wall_lines: &[[PlanPixel; 2]],
+    walls: &WallLines,
 ) -> Result<(), CommandError> {
     let output = args.output.as_deref().unwrap_or("-");
     let file = file.relative_to(output);
@@ -241,25 +241,43 @@ fn write_site(
         plan.metres_per_px, plan.origin_px.x, plan.origin_px.y
     ));
     let mut site = file.site;
-    let walls: Vec<WallEntry> = wall_lines
+    let entries: Vec<WallEntry> = walls
+        .lines
         .iter()
         .map(|line| line.map(|end| plan.scale().floor_from_plan(end)))
         .map(|[from_m, to_m]| WallEntry { from_m, to_m, height_m: args.wall_height_m })
         .collect();
     site.replace_plan(plan);
-    let added = site.add_walls(walls);
+    let [added, short] = site.add_walls(entries);
     if !args.walls.is_empty() {
+        let left_out = [(walls.others, "curve", "curves"), (short, "line below 0.1 m", "lines below 0.1 m")];
+        let left_out = left_out.into_iter().filter(|(count, ..)| *count > 0);
+        let left_out: Vec<String> = left_out.map(|(count, one, more)| counted(count, one, more)).collect();
+        let left_out =
+            if left_out.is_empty() { String::new() } else { format!("; left out: {}", left_out.join(", ")) };
         let added = counted(added, "wall", "walls");
-        print_message(format_args!("calib: {added} added from {}", args.walls.join(", ")));
+        print_message(format_args!("calib: {added} added from {}{left_out}", args.walls.join(", ")));
     }
-    site.check().map_err(|error| CommandError::invalid(&args.file, format!("with this plan: {error}")))?;
+    site.check().map_err(|error| {
+        let advice = if added > 0 { "; choose a layer with fewer lines" } else { "" };
+        CommandError::invalid(&args.file, format!("with this plan: {error}{advice}"))
+    })?;
     files::write(output, site.to_json().as_bytes(), args.force)
 }
 
-/// Returns the straight lines of the layers that become walls, in plan pixels.
-fn wall_lines(args: &Args, bytes: &[u8]) -> Result<Vec<[PlanPixel; 2]>, CommandError> {
+/// Lines of the layers that become walls.
+#[derive(Default)]
+struct WallLines {
+    /// Both ends of the straight lines, in plan pixels.
+    lines: Vec<[PlanPixel; 2]>,
+    /// Number of the other lines.
+    others: usize,
+}
+
+/// Returns the lines of the layers that become walls.
+fn wall_lines(args: &Args, bytes: &[u8]) -> Result<WallLines, CommandError> {
     if args.walls.is_empty() {
-        return Ok(Vec::new());
+        return Ok(WallLines::default());
     }
     let view = View { page: None, layers: Some(args.walls.clone()) };
     let invalid = |error: String| CommandError::invalid(&args.file, error);
@@ -269,7 +287,8 @@ fn wall_lines(args: &Args, bytes: &[u8]) -> Result<Vec<[PlanPixel; 2]>, CommandE
     };
     check_layers("--walls", &args.walls, &drawing.facts, &args.file)?;
     // The pixels of a drawing do not depend on the layers that are shown.
-    Ok(drawing.lines_px.into_iter().map(|line| line.map(PlanPixel::from)).collect())
+    let lines = drawing.lines_px.into_iter().map(|line| line.map(PlanPixel::from)).collect();
+    Ok(WallLines { lines, others: drawing.other_lines })
 }
 
 /// Refuses names that are not layers of the drawing.

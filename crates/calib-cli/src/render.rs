@@ -43,7 +43,7 @@ pub(crate) struct Extras {
 
 /// Renders and writes the image.
 pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
-    args.output.check_free()?;
+    args.output.check_picture()?;
     let file = args.site.read()?;
     if let Some(id) = &args.camera {
         file.camera(id)?;

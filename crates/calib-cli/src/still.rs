@@ -40,7 +40,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if let Some(list) = &args.all {
         return snapshot_list::run(list, &args.snapshot, &args.output);
     }
-    args.output.check_free()?;
+    args.output.check_picture()?;
     let source = args.source.as_deref().unwrap_or_default();
     if snapshot::is_address(source) {
         if args.at.is_some() || args.median.is_some() {

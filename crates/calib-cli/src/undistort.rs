@@ -45,7 +45,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     args.windows.check()?;
     if !args.windows.is_requested() {
-        args.output.check_free()?;
+        args.output.check_picture()?;
     }
     let file = args.site.read()?;
     let entry = file.camera(&args.camera)?;

@@ -228,18 +228,15 @@ impl History {
         true
     }
 
-    /// Removes the last step if it added cameras and its name starts with `prefix`, so that the next step contains its
-    /// change, too. Returns the number of cameras that it added; 0 if no step was removed.
-    pub(crate) fn take_added(&mut self, prefix: &str) -> usize {
-        let Some(last) = self.done.checked_sub(1).and_then(|last| self.steps.get(last)) else { return 0 };
-        let before = self.done.checked_sub(2).map_or(&self.first, |before| &self.steps[before].after);
-        let added = last.after.cameras.len().saturating_sub(before.cameras.len());
-        if added == 0 || !last.name.starts_with(prefix) {
-            return 0;
-        }
+    /// Joins the last step with the one before it. `name` gives the name of the joined step from the number of cameras
+    /// that it added.
+    pub(crate) fn join_last(&mut self, name: impl FnOnce(usize) -> String) {
+        let Some(before) = self.done.checked_sub(2) else { return };
+        let earlier = before.checked_sub(1).map_or(&self.first, |index| &self.steps[index].after);
+        let added = self.now().cameras.len().saturating_sub(earlier.cameras.len());
+        self.steps.remove(before);
         self.done -= 1;
-        self.steps.truncate(self.done);
-        added
+        self.steps[before].name = name(added);
     }
 
     /// Returns the undecided automatic calibrations after the last finished gesture.

@@ -28,16 +28,26 @@ pub fn plan_from_world_file(file: File) -> Result<Plan, String> {
     read.site.plan.ok_or_else(|| "The world file does not describe a plan.".into())
 }
 
+/// Returns the extension of a file name, in lower case.
+fn extension(name: &str) -> String {
+    name.rsplit_once('.').map_or_else(String::new, |(_, extension)| extension.to_lowercase())
+}
+
+/// Whether a format that can be imported has the extension of this file.
+#[must_use]
+pub fn is_importable(name: &str) -> bool {
+    let own = extension(name);
+    FORMATS.iter().any(|format| format.can_import() && format.extensions.contains(&own.as_str()))
+}
+
 /// Imports files with the first format that accepts them; formats with the extension of the files are tried.
 ///
 /// # Errors
 /// No format accepts the files. The message contains the error of each format that was tried.
 pub fn import_any(files: &[File]) -> Result<(&'static Format, Imported), String> {
-    let extension = |file: &File| {
-        file.name.rsplit_once('.').map_or_else(String::new, |(_, extension)| extension.to_lowercase())
-    };
     let fits = |format: &&Format| {
-        format.can_import() && files.iter().any(|file| format.extensions.contains(&extension(file).as_str()))
+        format.can_import()
+            && files.iter().any(|file| format.extensions.contains(&extension(&file.name).as_str()))
     };
     let mut wrong = Vec::new();
     for format in FORMATS.iter().filter(fits) {

@@ -71,7 +71,7 @@ pub use images::{
     AllowedFiles, FileResult, Images, ReadFile, RenderImage, Source, data_uri, decode, image_names, parse,
     parse_with_drawing,
 };
-pub use import::{import_any, plan_from_world_file, world_endings};
+pub use import::{import_any, is_importable, plan_from_world_file, world_endings};
 pub use keys::{Key, Modifiers, Shortcut};
 pub use newer::{NewerAction, NewerImage, valid_since};
 pub use period::Period;

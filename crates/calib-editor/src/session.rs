@@ -112,6 +112,8 @@ pub struct Session {
     pub revision: Revision,
     /// State of solving during editing.
     pub live: LiveSolve,
+    /// Number of undo steps after the last added image.
+    pub(crate) added_at: Option<usize>,
 }
 
 impl Session {
@@ -168,6 +170,7 @@ impl Session {
             },
             pending: PendingLines { dismissed: Vec::new(), proposed: Arc::default(), picked_line: None },
             revision: Revision { generation: 0, saved: 0 },
+            added_at: None,
             live: LiveSolve {
                 settled: Vec::new(),
                 settled_cameras: Vec::new(),

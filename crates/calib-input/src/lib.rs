@@ -25,4 +25,5 @@ pub use part::{PartialFile, PathError, resolve_target};
 pub use relative::relative;
 pub use still::{
     ImageFileError, capture_time, check_decode_memory, decode, image_endings, image_size, is_image_or_video,
+    refusal,
 };

@@ -283,7 +283,16 @@ fn unsupported(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
 /// [`decode`] names the format and a way out.
 #[must_use]
 pub fn is_image_or_video(head: &[u8]) -> bool {
-    image::guess_format(head).is_ok() || unsupported(head).is_some_and(|_| !head.starts_with(b"%PDF"))
+    // Some formats begin with two letters, and so do many tables.
+    let is_text = head.iter().take(512).all(|byte| *byte >= b' ' || byte.is_ascii_whitespace());
+    let is_unsupported = unsupported(head).is_some_and(|_| !head.starts_with(b"%PDF"));
+    !is_text && (image::guess_format(head).is_ok() || is_unsupported)
+}
+
+/// Returns the reason why an image or video cannot be read, from its first bytes: the name of its format, and a way out.
+#[must_use]
+pub fn refusal(head: &[u8]) -> Option<ImageFileError> {
+    unsupported(head).map(|(format, advice)| ImageFileError::Unsupported { format, advice })
 }
 
 /// Returns the file name endings of the images that can be read, in lower case.

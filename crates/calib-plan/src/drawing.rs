@@ -177,8 +177,10 @@ pub struct Drawing {
     pub picture: Picture,
     /// Properties.
     pub facts: DrawingFacts,
-    /// Straight lines of the shown layers of a DXF: both ends, in pixels.
+    /// Straight lines of the shown layers of a DXF in the picture: both ends, in pixels.
     pub lines_px: Vec<[[f64; 2]; 2]>,
+    /// Number of the other lines of the shown layers: arcs, circles, curves, and straight lines beyond the limit.
+    pub other_lines: usize,
 }
 
 impl Drawing {

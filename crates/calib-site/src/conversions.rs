@@ -1,7 +1,7 @@
 //! Conversions between entries of the site file and geometric types: planes, plan, lens, camera, priors, and
 //! field of view.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 
 use calib_core::camera::{
     Camera, Coefficient, Covariance, Distortion, DistortionModel, FloorPoint, ImageCircle, Lens, Pixel,
@@ -111,9 +111,9 @@ impl Site {
         self.plan = Some(plan);
     }
 
-    /// Adds walls that are at least 0.1 m long and that the site does not yet contain, to a millimetre. Returns their
-    /// number.
-    pub fn add_walls(&mut self, walls: impl IntoIterator<Item = WallEntry>) -> usize {
+    /// Adds walls that are at least 0.1 m long and that the site does not yet contain, to a millimetre. A wall that the
+    /// site contains gets the new height, if there is one. Returns the number of added walls and of shorter ones.
+    pub fn add_walls(&mut self, walls: impl IntoIterator<Item = WallEntry>) -> [usize; 2] {
         /// Shortest line of a drawing that is a wall, in metres. Shorter lines are details.
         const SHORTEST: f64 = 0.1;
         let key = |wall: &WallEntry| {
@@ -122,12 +122,21 @@ impl Site {
             ends.sort_unstable();
             ends
         };
-        let mut known: BTreeSet<[[i64; 2]; 2]> = self.walls.iter().map(key).collect();
-        let before = self.walls.len();
-        let is_new =
-            |wall: &WallEntry| wall.from_m.distance(wall.to_m) >= SHORTEST && known.insert(key(wall));
-        self.walls.extend(walls.into_iter().filter(is_new));
-        self.walls.len() - before
+        let mut known: BTreeMap<[[i64; 2]; 2], usize> =
+            self.walls.iter().enumerate().map(|(index, wall)| (key(wall), index)).collect();
+        let (before, mut short) = (self.walls.len(), 0);
+        for wall in walls {
+            if wall.from_m.distance(wall.to_m) < SHORTEST {
+                short += 1;
+            } else if let Some(index) = known.get(&key(&wall)) {
+                let own = &mut self.walls[*index];
+                own.height_m = wall.height_m.or(own.height_m);
+            } else {
+                known.insert(key(&wall), self.walls.len());
+                self.walls.push(wall);
+            }
+        }
+        [self.walls.len() - before, short]
     }
 
     /// Returns the expected deviations of the scene from the annotations' assumptions for the image of a

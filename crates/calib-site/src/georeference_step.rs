@@ -104,12 +104,13 @@ impl Site {
             Some((*index, camera.as_ref().ok()?.position_m?.on_floor()))
         };
         let distance = |at: FloorPoint| at.x.hypot(at.y);
-        let (camera, at) =
-            cameras.iter().filter_map(position).max_by(|a, b| distance(a.1).total_cmp(&distance(b.1)))?;
+        let placed = || cameras.iter().filter_map(position);
+        let (camera, at) = placed().max_by(|a, b| distance(a.1).total_cmp(&distance(b.1)))?;
         let ground = georeference.tangent_plane().to_geographic(at.at_height(0.0));
         let drop = ground.height - georeference.alt_m.unwrap_or(0.0);
         let distance = distance(at);
-        (distance > MAX_SITE_RADIUS).then_some(Finding::LargeSite { camera, distance, drop })
+        let is_compact = placed().all(|(_, other)| other.distance(at) <= MAX_SITE_RADIUS);
+        (distance > MAX_SITE_RADIUS).then_some(Finding::LargeSite { camera, distance, drop, is_compact })
     }
 
     /// Reports the control points with coordinates on the map that nothing connects to the site.

@@ -41,11 +41,16 @@ impl App {
         let mut path = PathBuf::from(text.trim());
         if let (Some(ending), None) = (purpose.saved_ending(), path.extension()) {
             path.set_extension(ending);
+            if path.exists() {
+                self.act(Action::SetError(format!("{} exists. Press Enter to replace it.", path.display())));
+                self.dialogs.path_field = Some(PathField { purpose, text: path.display().to_string() });
+                return;
+            }
         }
         let chosen = vec![Chosen::of_path(path)];
         match purpose {
             // A typed path can be a folder of images.
-            Purpose::AddImages => self.open_files(ctx, chosen),
+            Purpose::AddImages => self.open_images(ctx, chosen),
             _ => self.take_chosen(ctx, purpose, chosen),
         }
     }

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use calib_editor::images::{camera_name, has_ending, is_image, mime};
-use calib_editor::{Action, NewImage, import_any, plan_from_world_file, world_endings};
+use calib_editor::{Action, NewImage, import_any, is_importable, parse, plan_from_world_file, world_endings};
 use calib_formats::{File, Format, Imported};
 use calib_input::time_in_name;
 use calib_plan::ImagePosition;
@@ -15,6 +15,10 @@ use crate::choice::Chosen;
 use crate::drawing::{plan_from_drawing, plan_on_map};
 use crate::platform::{Here, Platform as _, Task};
 use crate::state::{App, Comparing, Mode, Planning, Read, ReadPicture};
+
+/// Advice for a file that cannot be opened.
+const KNOWN_FILES: &str = "Use a site (.json), an image (such as .png or .jpg), a plan (PDF, DXF or SVG), a calibration of \
+                           another program, or a table of points (.csv).";
 
 /// Whether a file is a world file, which georeferences a plan image.
 pub(crate) fn is_world_file(file: &Chosen) -> bool {
@@ -218,7 +222,9 @@ impl App {
             self.jobs.adding.remove(0);
             match still.map_err(|_| "An image could not be read.".to_owned()).flatten() {
                 // No camera writes an image with a position on the map.
-                Ok(picture) if picture.position.is_some() => self.show_plan(picture, None),
+                Ok(picture) if picture.position.is_some() && self.editor.site().plan.is_none() => {
+                    self.show_plan(picture, None);
+                }
                 Ok(picture) => {
                     let still = self.stored(picture);
                     let joins_last = std::mem::replace(&mut self.jobs.has_added, true);
@@ -229,6 +235,9 @@ impl App {
         }
         if was_empty && !self.editor.site().cameras.is_empty() {
             self.act(Action::SelectCamera(0));
+        }
+        if !self.jobs.importing.is_empty() {
+            self.poll_imports();
         }
         if let Some(task) = self.jobs.replacing.take() {
             match task.poll() {
@@ -253,38 +262,46 @@ impl App {
 }
 
 impl App {
-    /// Imports lenses, cameras and points from files of other programs: all files together, or else one by one.
+    /// Imports lenses, cameras and points from files of other programs: all files together, or else the files of each
+    /// file type together.
     pub(crate) fn import(&mut self, chosen: Vec<Chosen>) {
-        if chosen.is_empty() {
-            return;
-        }
-        let read = chosen.into_iter().map(|file| {
+        let mut files = Vec::new();
+        for file in chosen {
             let name = file.name.clone();
-            let bytes = file.into_bytes().map_err(|error| format!("{name}: {error}"))?;
-            Ok(File { name, bytes })
-        });
-        let files = match read.collect::<Result<Vec<File>, String>>() {
-            Ok(files) => files,
-            Err(error) => {
-                self.act(Action::SetError(error));
-                return;
+            let read = match is_importable(&name) {
+                true => file.into_bytes(),
+                false => Err("the type of this file is unknown".into()),
+            };
+            match read {
+                Ok(bytes) => files.push(File { name, bytes }),
+                Err(error) => {
+                    self.act(Action::AddError(format!("Can't open {name}: {error}. {KNOWN_FILES}")))
+                }
             }
-        };
+        }
+        let Some(first) = files.first() else { return };
         let error = match import_any(&files) {
-            Ok((format, imported)) => return self.take_imported(&files[0].name, format, imported),
+            Ok((format, imported)) => return self.take_imported(&first.name, format, imported),
             Err(error) => error,
         };
-        let alone: Vec<_> = files.iter().map(|file| import_any(std::slice::from_ref(file))).collect();
-        if alone.iter().all(Result::is_err) {
-            let names: Vec<&str> = files.iter().map(|file| file.name.as_str()).collect();
-            self.act(Action::AddError(format!("Can't open {}. {error}", names.join(", "))));
+        let ending = |file: &File| Path::new(&file.name).extension().map(std::ffi::OsStr::to_ascii_lowercase);
+        let own = ending(first);
+        let (alike, others): (Vec<File>, Vec<File>) = files.into_iter().partition(|file| ending(file) == own);
+        if others.is_empty() {
+            let names: Vec<&str> = alike.iter().map(|file| file.name.as_str()).collect();
+            let names = names.join(", ");
+            // A damaged site is no file of another program.
+            let site = alike.iter().filter(|_| own.as_deref() == Some("json".as_ref()));
+            let site = site
+                .map(|file| String::from_utf8_lossy(&file.bytes))
+                .find_map(|text| parse(&text, None).err());
+            let as_site = site.map_or_else(String::new, |error| format!(" As a site: {error}."));
+            self.act(Action::AddError(format!("Can't open {names}.{as_site} {error} {KNOWN_FILES}")));
             return;
         }
-        for (file, result) in files.iter().zip(alone) {
-            match result {
-                Ok((format, imported)) => self.take_imported(&file.name, format, imported),
-                Err(error) => self.act(Action::AddError(format!("Can't open {}. {error}", file.name))),
-            }
+        for files in [alike, others] {
+            let chosen = |File { name, bytes }| Chosen { name, path: None, bytes: Some(bytes) };
+            self.import(files.into_iter().map(chosen).collect());
         }
     }
 
@@ -296,7 +313,8 @@ impl App {
             self.act(Action::ApplyWorldFile(plan.clone(), name.to_owned()));
             return;
         }
-        if open.cameras.is_empty() && site.ground_points.is_empty() {
+        let is_empty = open.cameras.is_empty() && open.plan.is_none() && open.ground_points.is_empty();
+        if is_empty && site.ground_points.is_empty() && self.waiting() == 0 {
             let images = self.editor.session().images.clone();
             self.open_site(site, images, None);
             self.act(Action::Note(format!("Read as {}. {}", format.name, notes.join("; "))));

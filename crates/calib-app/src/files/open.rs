@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use calib_editor::images::{file_name, has_ending, is_image, mime};
 use calib_editor::{Action, image_names, parse};
+use calib_report::shortened_list;
 use egui::Context;
 
 use crate::choice::Chosen;
@@ -14,30 +15,43 @@ use crate::platform::{Here, Platform as _};
 use crate::state::{App, Mode};
 
 /// Kind of a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 enum FileKind {
     /// Site file.
     Site,
     /// Floor plan as a drawing (PDF, DXF, SVG).
     Drawing,
-    /// Image, or a video, for which the decoder names a way out.
+    /// Image.
     Image,
+    /// Image or video that cannot be read, with the reason and a way out.
+    Refused(String),
     /// File of another program, or a table of points.
     Other,
 }
 
+/// Text that the content of every site file contains.
+const SITE_FORMAT: &[u8] = b"\"calib-site\"";
+
 impl FileKind {
-    /// Determines the kind of a file from its first bytes and its name.
+    /// Determines the kind of a file from its name and its content.
     fn of(file: &Chosen) -> Self {
-        const SITE_FORMAT: &[u8] = b"\"calib-site\"";
         let name = Path::new(&file.name);
+        if is_drawing(name) {
+            return Self::Drawing;
+        }
+        if is_image(name) {
+            return Self::Image;
+        }
         let head = file.head();
-        if has_ending(name, "json") && head.windows(SITE_FORMAT.len()).any(|part| part == SITE_FORMAT) {
+        let is_site = |text: &[u8]| text.windows(SITE_FORMAT.len()).any(|part| part == SITE_FORMAT);
+        let is_json = has_ending(name, "json") || head.trim_ascii_start().starts_with(b"{");
+        // In a sorted site file, the format is behind the cameras.
+        if is_json && (is_site(&head) || file.clone().into_bytes().is_ok_and(|text| is_site(&text))) {
             Self::Site
-        } else if is_drawing(name) || head.starts_with(b"%PDF-") {
+        } else if head.starts_with(b"%PDF-") {
             Self::Drawing
-        } else if is_image(name) || calib_input::is_image_or_video(&head) {
-            Self::Image
+        } else if calib_input::is_image_or_video(&head) {
+            calib_input::refusal(&head).map_or(Self::Image, |reason| Self::Refused(reason.to_string()))
         } else {
             Self::Other
         }
@@ -47,7 +61,7 @@ impl FileKind {
 impl Chosen {
     /// Returns the first bytes of the file; empty if it cannot be read.
     fn head(&self) -> Vec<u8> {
-        /// Number of bytes that determine the kind of a file.
+        /// Number of bytes that determine the kind of most files.
         const HEAD: usize = 1 << 16;
         match (&self.bytes, &self.path) {
             (Some(bytes), _) => bytes[..bytes.len().min(HEAD)].to_vec(),
@@ -66,28 +80,54 @@ impl App {
     /// Opens chosen or dropped files and folders.
     ///
     /// A site is opened with its images. Without a site, images become cameras, or the plan if the plan is shown
-    /// and the site has none. Images with a world file and drawings become the plan. Other files are imported.
+    /// and the site has none. Images with a world file and drawings become the plan. Other files are imported once
+    /// these are read.
     pub fn open_files(&mut self, ctx: &Context, files: Vec<Chosen>) {
-        let mut files = self.without_folders(files);
-        if let Some(site) = files.iter().position(|file| FileKind::of(file) == FileKind::Site) {
-            let site = files.remove(site);
-            self.open_with_images(site, files);
+        let files = self.without_folders(files);
+        let mut kinds: Vec<(FileKind, Chosen)> =
+            files.into_iter().map(|file| (FileKind::of(&file), file)).collect();
+        if let Some(site) = kinds.iter().position(|(kind, _)| *kind == FileKind::Site) {
+            let (_, site) = kinds.remove(site);
+            self.open_with_images(site, kinds.into_iter().map(|(_, file)| file).collect());
             return;
         }
-        self.attach(&mut files);
-        self.take_plans(ctx, &mut files);
-        self.take_newer(ctx, &mut files);
-        let is_plan = self.view.mode == Mode::Plan && self.editor.site().plan.is_none() && files.len() == 1;
-        let mut others = Vec::new();
-        for file in files {
-            match FileKind::of(&file) {
-                FileKind::Drawing => self.load_plan(ctx, vec![file]),
-                FileKind::Image if is_plan => self.load_plan(ctx, vec![file]),
-                FileKind::Image => self.add_still(ctx, file),
-                FileKind::Site | FileKind::Other => others.push(file),
+        let is_plan = self.view.mode == Mode::Plan && self.editor.site().plan.is_none() && kinds.len() == 1;
+        let (mut readable, mut others) = (Vec::new(), Vec::new());
+        for (kind, file) in kinds {
+            match kind {
+                FileKind::Refused(reason) => {
+                    self.act(Action::AddError(format!("Can't open {}: {reason}.", file.name)));
+                }
+                FileKind::Other if !is_world_file(&file) => others.push(file),
+                _ => readable.push(file),
             }
         }
-        self.import(others);
+        self.attach(&mut readable);
+        self.take_plans(ctx, &mut readable);
+        self.take_newer(ctx, &mut readable);
+        let (drawings, images): (Vec<_>, Vec<_>) =
+            readable.into_iter().partition(|file| is_plan || FileKind::of(file) == FileKind::Drawing);
+        if !drawings.is_empty() {
+            self.load_plan(ctx, drawings);
+        }
+        images.into_iter().for_each(|file| self.add_still(ctx, file));
+        self.jobs.importing.extend(others);
+        self.poll_imports();
+    }
+
+    /// Opens images and folders of images as cameras.
+    pub(crate) fn open_images(&mut self, ctx: &Context, files: Vec<Chosen>) {
+        let mut files = self.without_folders(files);
+        self.take_newer(ctx, &mut files);
+        files.into_iter().for_each(|file| self.add_still(ctx, file));
+    }
+
+    /// Imports the files that waited for images and plans: a lens belongs to the camera of its image.
+    pub(crate) fn poll_imports(&mut self) {
+        if self.jobs.adding.is_empty() && self.jobs.planning.is_none() {
+            let files = std::mem::take(&mut self.jobs.importing);
+            self.import(files);
+        }
     }
 
     /// Replaces folders by their images. A note names the files in folders that are not images.
@@ -109,25 +149,25 @@ impl App {
             kept.extend(images);
         }
         if !skipped.is_empty() {
-            self.act(Action::Note(format!("Skipped, because they are not images: {}.", skipped.join(", "))));
+            let names = shortened_list(skipped.iter().map(String::as_str));
+            self.act(Action::Note(format!("Skipped, because they are not images: {names}.")));
         }
         kept
     }
 
     /// Opens a site. Files that are images of this site belong to it; a note names the others.
     fn open_with_images(&mut self, site: Chosen, mut files: Vec<Chosen>) {
+        let name = site.name.clone();
         match site.path.clone() {
-            Some(path) => self.open_path(&path),
-            None => {
-                let name = site.name.clone();
-                match site.into_text().and_then(|text| parse(&text, None)) {
-                    Ok((site, images)) => self.open_site(site, images, Some(name.into())),
-                    Err(error) => {
-                        self.act(Action::SetError(format!("{name}: {error}")));
-                        return;
-                    }
+            Some(path) if !self.open_path(&path) => return,
+            Some(_) => {}
+            None => match site.into_text().and_then(|text| parse(&text, None)) {
+                Ok((site, images)) => self.open_site(site, images, Some(name.into())),
+                Err(error) => {
+                    self.act(Action::SetError(format!("{name}: {error}")));
+                    return;
                 }
-            }
+            },
         }
         self.attach(&mut files);
         // The site file contains the georeference of its plan.
@@ -137,8 +177,8 @@ impl App {
             file.path.is_none() || !own.iter().any(|name| file_name(name) == file_name(&file.name))
         });
         if !files.is_empty() {
-            let names: Vec<&str> = files.iter().map(|file| file.name.as_str()).collect();
-            self.act(Action::Note(format!("Not part of this site: {}.", names.join(", "))));
+            let names = shortened_list(files.iter().map(|file| file.name.as_str()));
+            self.act(Action::Note(format!("Not part of this site: {names}.")));
         }
     }
 
@@ -173,18 +213,5 @@ impl App {
         self.act(Action::Attach(ids));
         let mut used = used.into_iter();
         files.retain(|_| !used.next().unwrap_or_default());
-    }
-
-    /// Opens the dropped files once they are read.
-    pub(crate) fn poll_arrivals(&mut self, ctx: &Context) {
-        let dropped = ctx.input_mut(|input| std::mem::take(&mut input.raw.dropped_files));
-        if !dropped.is_empty() {
-            self.jobs.arriving.push(Here::dropped(ctx, dropped));
-        }
-        let mut arrived = Vec::new();
-        self.jobs.arriving.retain(|task| task.poll().map(|files| arrived.push(files)).is_none());
-        for files in arrived {
-            self.open_files(ctx, files);
-        }
     }
 }

@@ -203,7 +203,7 @@ fn path_ui(app: &mut App, ui: &mut Ui, mut field: PathField) {
     });
     match decided {
         Some(decision) => app.take_typed(decision),
-        None if !typed.has_focus() && field.text.is_empty() => typed.request_focus(),
+        None if ui.memory(|memory| memory.focused().is_none()) => typed.request_focus(),
         None => {}
     }
     app.dialogs.path_field = Some(field);

@@ -34,6 +34,7 @@ impl App {
         self.view.orbit = None;
         // Work for the old site must not change the new site.
         self.jobs.adding.clear();
+        self.jobs.importing.clear();
         (self.jobs.replacing, self.jobs.planning, self.jobs.refining, self.dialogs.dialog) =
             (None, None, None, None);
         self.stop_comparing();
@@ -43,16 +44,20 @@ impl App {
         self.view.compares_views = false;
     }
 
-    /// Opens a site file; errors are shown.
-    pub fn open_path(&mut self, path: &Path) {
+    /// Opens a site file; errors are shown. Returns whether the site is open.
+    pub fn open_path(&mut self, path: &Path) -> bool {
         match files::open_stamped(path) {
             Ok((site, images, held)) => {
                 let as_held = site.clone();
                 self.open_site(site, images, Some(path.to_path_buf()));
                 self.remember_recent(path, &as_held);
                 (self.storage.held, self.storage.as_held) = (Some(held), Some(as_held));
+                true
             }
-            Err(error) => self.act(Action::SetError(error)),
+            Err(error) => {
+                self.act(Action::SetError(error));
+                false
+            }
         }
     }
 
@@ -245,7 +250,9 @@ impl App {
     pub(crate) fn decide_on_file(&mut self, decision: Decision) {
         let Some(Conflict { path, .. }) = self.dialogs.conflict.take() else { return };
         match decision {
-            Decision::Reload => self.open_path(&path),
+            Decision::Reload => {
+                self.open_path(&path);
+            }
             Decision::SaveAs => self.open_dialog(Purpose::SaveSite),
             Decision::Overwrite => self.write_to(path),
             Decision::Leave => {}

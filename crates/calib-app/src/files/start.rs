@@ -50,7 +50,9 @@ const CHOICES: [(&str, Command, &str); 4] = [
     ("Start the tour", Command::Tour, "five steps, ten minutes"),
 ];
 
-const HINT: &str = "Or drop files or a folder here.";
+/// A browser gives no access to dropped folders.
+const HINT: &str =
+    if cfg!(target_arch = "wasm32") { "Or drop files here." } else { "Or drop files or a folder here." };
 const PRIVACY_NOTES: [&str; 2] =
     ["Images never leave this machine.", "Nothing is uploaded; it works offline."];
 
@@ -174,6 +176,7 @@ fn autosaves_ui(app: &mut App, ui: &mut Ui) -> Option<(usize, bool)> {
         let image =
             image.map(|name| (format!("{}/{name}", slot.folder().display()), found.images.reader(&name)));
         let words = autosave_text(found);
+        let folder = slot.folder().display().to_string();
         let fill = theme::palette(ui.ctx()).accent_bg;
         let width = ui.available_width();
         ui.add_space(12.0);
@@ -183,8 +186,9 @@ fn autosaves_ui(app: &mut App, ui: &mut Ui) -> Option<(usize, bool)> {
                 ui.horizontal(|ui| {
                     thumbnail(app, ui, image);
                     ui.vertical(|ui| {
-                        recover =
-                            recover.or_else(|| autosave_buttons(ui, &words).map(|goes_on| (index, goes_on)));
+                        recover = recover.or_else(|| {
+                            autosave_buttons(ui, &folder, &words).map(|goes_on| (index, goes_on))
+                        });
                     });
                 });
             });
@@ -204,32 +208,33 @@ fn autosave_text(found: &Found) -> [String; 2] {
     [name, parts.into_iter().flatten().collect::<Vec<_>>().join(", ")]
 }
 
-/// Shows the buttons to restore (true) or discard (false) an autosave; returns the choice.
-fn autosave_buttons(ui: &mut Ui, [name, words]: &[String; 2]) -> Option<bool> {
+/// Shows the buttons to restore (true) or discard (false) the autosave in a folder; returns the choice.
+fn autosave_buttons(ui: &mut Ui, folder: &str, [name, words]: &[String; 2]) -> Option<bool> {
     let palette = theme::palette(ui.ctx());
     ui.label(RichText::new(name).font(theme::medium(13.0)));
     ui.label(RichText::new(words).color(palette.text2));
     ui.horizontal(|ui| {
         let goes_on = ui.button("Continue").clicked().then_some(true);
-        let discards = confirmed(ui, name, ["Discard", "Discard permanently"], &format!("Discard {name}"));
+        let discards = confirmed(ui, folder, ["Discard", "Discard permanently"], name);
         goes_on.or_else(|| discards.then_some(false))
     })
     .inner
 }
 
-/// Shows a button for an action that cannot be undone; returns true at the second click. `texts` are the texts before
-/// the first and before the second click, and `label` is the name for screen readers.
-fn confirmed(ui: &mut Ui, key: &str, texts: [&str; 2], label: &str) -> bool {
+/// Shows a button for an action on the site `name` that cannot be undone; returns true at the second click. `texts` are
+/// the texts before the first and before the second click. A click elsewhere cancels the first click.
+fn confirmed(ui: &mut Ui, key: &str, texts: [&str; 2], name: &str) -> bool {
     let id = ui.scope_id().with(("confirmed", key));
     let is_armed = ui.data(|data| data.get_temp(id).unwrap_or(false));
-    let text = match is_armed {
-        true => RichText::new(texts[1]).color(theme::palette(ui.ctx()).bad),
-        false => RichText::new(texts[0]),
+    let text = texts[usize::from(is_armed)];
+    let shown = match is_armed {
+        true => RichText::new(text).color(theme::palette(ui.ctx()).bad),
+        false => RichText::new(text),
     };
-    let button = ui.button(text);
-    button.widget_info(|| WidgetInfo::labeled(Role::Button, true, label));
-    if button.clicked() {
-        ui.data_mut(|data| data.insert_temp(id, !is_armed));
+    let button = ui.button(shown);
+    button.widget_info(|| WidgetInfo::labeled(Role::Button, true, format!("{text} {name}")));
+    if button.clicked() || button.clicked_elsewhere() {
+        ui.data_mut(|data| data.insert_temp(id, button.clicked() && !is_armed));
     }
     button.clicked() && is_armed
 }
@@ -343,7 +348,7 @@ fn row(shelf: &mut dyn Shelf, ui: &mut Ui, entry: &Entry) {
     let palette = theme::palette(ui.ctx());
     let name = if entry.name.is_empty() { "Unnamed site" } else { &entry.name };
     ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-        if confirmed(ui, &entry.id, ["Remove", "Remove permanently"], &format!("Remove {name}")) {
+        if confirmed(ui, &entry.id, ["Remove", "Remove permanently"], name) {
             shelf.remove(&entry.id);
         }
         ui.with_layout(Layout::top_down(Align::Min), |ui| {

@@ -66,20 +66,22 @@ pub(crate) fn paint_borders(
     for border in borders.iter().map(|shown| &shown.border) {
         let shown = colour(level_colour(Some(border.level)));
         for ends in &border.segments {
-            let ends = ends.map(|end| mapping.screen(end.into()));
-            line(painter, &ends, Pen::new(on_image::WHITE, 4.0));
-            line(painter, &ends, Pen::new(shown, 2.0));
+            let path = mapping.path(ends);
+            line(painter, &path, Pen::new(on_image::WHITE, 4.0));
+            line(painter, &path, Pen::new(shown, 2.0));
         }
     }
-    let text = |shown: &ShownBorder| {
+    let label = |shown: &ShownBorder| {
+        let (pixel, sigma) = shown.label?;
         let level = shown.border.level;
-        let sigma = shown.sigma.map_or_else(String::new, |sigma| {
+        let sigma = sigma.map_or_else(String::new, |sigma| {
             let sigma = sigma / units.metres();
             format!(", border \u{b1} {} {}", number(sigma, decimals(sigma)), units.symbol())
         });
-        format!("{}: {} px/m{sigma}", level.name(), level.pixels_per_metre())
+        let text = format!("{}: {} px/m{sigma}", level.name(), level.pixels_per_metre());
+        Some((mapping.screen(pixel.into()), text))
     };
-    borders.iter().map(|shown| (mapping.screen(shown.label.into()), text(shown))).collect()
+    borders.iter().filter_map(label).collect()
 }
 
 /// Paints walls, and the outlines of the areas of interest, with their results if there are any.

@@ -142,6 +142,8 @@ pub struct Jobs {
     pub(crate) pictured: Option<Vec<u8>>,
     /// Images of new cameras that are being read.
     pub(crate) adding: Vec<Task<Read>>,
+    /// Files of other programs, which are imported once images and plans are read.
+    pub(crate) importing: Vec<Chosen>,
     /// Whether an image of those that are added together has become a camera.
     pub(crate) has_added: bool,
     /// Camera period whose image is being replaced.

@@ -22,28 +22,36 @@ pub struct ShownCoverage {
 struct ImageBorders {
     /// Index of the camera.
     camera: usize,
-    /// Pose of the camera and height of the targets, from which the borders were computed.
-    inputs: (Camera, f64),
+    /// Pose and image size of the camera, and height of the targets, from which the borders were computed.
+    inputs: (Camera, [f64; 2], f64),
     borders: Vec<ShownBorder>,
 }
 
-/// Border of a density level, with the place and the text of its label.
+/// Border of a density level.
 #[derive(Debug)]
 pub(crate) struct ShownBorder {
     pub(crate) border: DensityBorder,
-    /// Raw pixel of the border that is nearest to the middle of the image's width.
-    pub(crate) label: Pixel,
-    /// Standard deviation of the border on the floor at the label, in metres; `None` if it is unknown.
-    pub(crate) sigma: Option<f64>,
+    /// Raw pixel of the label, and the standard deviation of the border on the floor there, in metres (`None` if it is
+    /// unknown). There is no label if the border is only the edge of the visible floor.
+    pub(crate) label: Option<(Pixel, Option<f64>)>,
 }
 
 impl ShownBorder {
-    fn new(border: DensityBorder, pose: &Camera, width: f64, height: f64) -> Option<Self> {
-        let off_centre = |pixel: &Pixel| (pixel.u - 0.5 * width).abs();
-        let pixels = border.segments.iter().flatten();
-        let label = *pixels.min_by(|a, b| off_centre(a).total_cmp(&off_centre(b)))?;
-        let point = pose.pixel_to_floor(label, height)?.at_height(height);
-        Some(Self { sigma: pose.density_border_sigma(point), border, label })
+    /// Places the label at the pixel of the border that is nearest to the middle of the image's `width`.
+    fn new(border: DensityBorder, pose: &Camera, width: f64, height: f64) -> Self {
+        /// Largest difference from the limit of the level, as a share: beyond it, the pixel is on the edge of the
+        /// visible floor.
+        const MAX_DIFFERENCE: f64 = 0.01;
+        let limit = border.level.pixels_per_metre();
+        let target = |pixel: Pixel| {
+            let point = pose.pixel_to_floor(pixel, height)?.at_height(height);
+            let is_limit = (pose.pixel_density(point)? / limit - 1.0).abs() < MAX_DIFFERENCE;
+            is_limit.then_some((pixel, point))
+        };
+        let off_centre = |pixel: Pixel| (pixel.u - 0.5 * width).abs();
+        let pixels = border.segments.iter().flatten().copied().filter_map(target);
+        let label = pixels.min_by(|a, b| off_centre(a.0).total_cmp(&off_centre(b.0)));
+        Self { label: label.map(|(pixel, point)| (pixel, pose.density_border_sigma(point))), border }
     }
 }
 
@@ -186,7 +194,7 @@ impl ShownCoverage {
 
     /// Returns the borders of the levels in the image of a camera, computed when its pose changes.
     pub(crate) fn borders(&mut self, camera: usize, pose: &Camera, size: [f64; 2]) -> &[ShownBorder] {
-        let inputs = (*pose, self.height);
+        let inputs = (*pose, size, self.height);
         let known = self.in_images.iter().position(|known| known.camera == camera);
         let index = known.unwrap_or_else(|| {
             self.in_images.push(ImageBorders { camera, inputs, borders: Vec::new() });
@@ -195,7 +203,7 @@ impl ShownCoverage {
         let known_inputs = known.map(|index| self.in_images[index].inputs);
         if known_inputs != Some(inputs) {
             let borders = pose.density_borders(size, self.height).into_iter();
-            let shown = borders.filter_map(|border| ShownBorder::new(border, pose, size[0], self.height));
+            let shown = borders.map(|border| ShownBorder::new(border, pose, size[0], self.height));
             self.in_images[index] = ImageBorders { camera, inputs, borders: shown.collect() };
         }
         &self.in_images[index].borders

@@ -91,6 +91,11 @@ impl Panes {
         self.bends.clear();
     }
 
+    /// Returns the zoom at which the whole document is shown; infinite if it has not been shown yet.
+    pub(crate) fn fitted_zoom(&self, key: (Place, Pane)) -> f64 {
+        self.fitted.get(&key).map_or(f64::INFINITY, |view| view.zoom)
+    }
+
     /// Returns the pan and zoom that the operator chose, otherwise `whole`, which fits the document.
     pub(crate) fn fitted_or_chosen(&mut self, key: (Place, Pane), whole: View) -> View {
         let chosen = self.views.get(&key).copied();

@@ -426,6 +426,8 @@ pub enum Finding {
         distance: f64,
         /// Height of the plane of the floor above the curved ground at the camera, in metres.
         drop: f64,
+        /// Whether all cameras are near each other, so that another origin helps.
+        is_compact: bool,
     },
     /// A link or a mark was rejected as an outlier.
     ElementOutlier {

@@ -45,11 +45,14 @@ impl Editor {
         let lens = image_circle.map(|_| LensEntry { image_circle_px: image_circle, ..LensEntry::default() });
         site.cameras.push(SiteCamera { image: Some(image), lens, ..SiteCamera::new(id.clone(), size) });
         let added = site.cameras.len() - 1;
-        let joined = if joins_last { self.session.history.take_added("add ") } else { 0 };
-        self.session.commit(match joined {
-            0 => format!("add {id}"),
-            joined => format!("add {} images", joined + 1),
-        });
+        let before = self.session.history.depth();
+        self.session.commit(format!("add {id}"));
+        // A refused image adds no step, and after another gesture or an undo, the steps stay apart.
+        let is_next = joins_last && self.session.added_at == Some(before);
+        if is_next && self.session.history.depth() == before + 1 {
+            self.session.history.join_last(|count| format!("add {count} images"));
+        }
+        self.session.added_at = Some(self.session.history.depth());
         // If several cameras are added, the first one is selected. An unfinished gesture is not interrupted.
         let is_begun =
             self.session.entry().is_some_and(|entry| !entry.annotations.is_empty() || entry.is_given());

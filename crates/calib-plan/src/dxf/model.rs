@@ -50,6 +50,9 @@ pub(super) struct Label {
     pub(super) colour: [u8; 3],
 }
 
+/// Largest number of straight lines that are collected.
+const MAX_LINES: usize = 100_000;
+
 /// Visible contents of the model space.
 pub(super) struct Model<'a> {
     tables: &'a Tables<'a>,
@@ -61,6 +64,8 @@ pub(super) struct Model<'a> {
     pub(super) corners: Vec<Point>,
     /// Straight lines, with the straight parts of polylines.
     pub(super) lines: Vec<kurbo::Line>,
+    /// Number of curves, and of lines beyond the limit.
+    pub(super) other_lines: usize,
     /// Bounds of the lines that the drawing shows, whatever layers are shown here: pixels must not depend on the
     /// shown layers.
     pub(super) boxes: Vec<Rect>,
@@ -88,6 +93,7 @@ impl<'a> Model<'a> {
             labels: Vec::new(),
             corners: Vec::new(),
             lines: Vec::new(),
+            other_lines: 0,
             boxes: Vec::new(),
             hidden_boxes: Vec::new(),
             counts: BTreeMap::new(),
@@ -248,10 +254,14 @@ impl<'a> Model<'a> {
         if let Some(path) = self.visible(path, at, style) {
             if has_corners {
                 self.corners.extend(path.elements().iter().filter_map(kurbo::PathEl::end_point));
-                self.lines.extend(path.segments().filter_map(|part| match part {
-                    kurbo::PathSeg::Line(line) => Some(line),
-                    kurbo::PathSeg::Quad(_) | kurbo::PathSeg::Cubic(_) => None,
-                }));
+            }
+            for part in path.segments() {
+                match part {
+                    kurbo::PathSeg::Line(line) if has_corners && self.lines.len() < MAX_LINES => {
+                        self.lines.push(line);
+                    }
+                    _ => self.other_lines += 1,
+                }
             }
             self.strokes.push(Stroke { path, colour: style.colour, is_filled: false });
         }

@@ -77,9 +77,14 @@ pub(crate) fn read(bytes: &[u8], view: &View) -> Result<Drawing, PlanError> {
         notes: notes(&model, &pairs, distant, &unknown),
         ..DrawingFacts::new(DrawingKind::Dxf, size.map(|side| side as u32))
     };
-    let pixel = |at: Point| <(f64, f64)>::from(to_pixels * at).into();
-    let lines_px = model.lines.iter().map(|line| [pixel(line.p0), pixel(line.p1)]).collect();
-    Ok(Drawing { picture: Picture::Svg(document(&model, to_pixels, size)), facts, lines_px })
+    let picture = Rect::new(0.0, 0.0, size[0], size[1]);
+    let lines = model.lines.iter().map(|line| [line.p0, line.p1].map(|end| to_pixels * end));
+    let lines_px = lines
+        .filter(|ends| ends.iter().all(|end| picture.contains(*end)))
+        .map(|ends| ends.map(|end| [end.x, end.y]))
+        .collect();
+    let picture = Picture::Svg(document(&model, to_pixels, size));
+    Ok(Drawing { picture, facts, lines_px, other_lines: model.other_lines })
 }
 
 /// Returns the layers of the tables and those that only records name.

@@ -132,7 +132,7 @@ impl SentenceContext<'_> {
             F::ExchangedControlPoints { points } => self.exchanged_control_points(*points),
             F::ControlPointOutlier { camera, point } => self.control_point_outlier(*camera, *point),
             F::FarFromMap { camera, point, distance } => self.far_from_map(*camera, *point, *distance),
-            F::LargeSite { camera, distance, drop } => self.large_site(*camera, *distance, *drop),
+            F::LargeSite { camera, distance, drop, .. } => self.large_site(*camera, *distance, *drop),
             F::ElementOutlier { element, worst } => self.element_outlier(*element, *worst),
             F::UncheckedLinks { elements, cameras } => self.unchecked_links(elements, cameras),
             F::DistanceOutlier { distance, lengths } => self.distance_outlier(*distance, *lengths),
@@ -324,6 +324,7 @@ const fn shared_advice(finding: &Finding) -> &'static str {
     use Finding as F;
     match finding {
         F::FarFromMap { .. } => "Check its coordinates on the map and its pixel, then the scale of the plan.",
+        F::LargeSite { is_compact: true, .. } => "Move the origin of the site to its cameras.",
         F::LargeSite { .. } => "Divide it into sites of at most 5 km.",
         F::ControlPointOutlier { .. } => {
             "Check its coordinates and its pixel. If both are correct, use it anyway (\"keep\")."

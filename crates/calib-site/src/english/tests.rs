@@ -87,7 +87,7 @@ fn lens_and_map_findings() -> [(Finding, Subject); 6] {
         (F::OffCentre { estimated: PIXEL, distance: 0.2 }, Subject::Lens),
         (F::PixelsNotSquare { size: [960, 1080], aspect: 2.0 }, Subject::Lens),
         (F::OtherResolution { entered: PIXEL, size: [2064, 1544] }, Subject::Lens),
-        (F::LargeSite { camera: 0, distance: 7200.0, drop: 4.1 }, Subject::Camera(0)),
+        (F::LargeSite { camera: 0, distance: 7200.0, drop: 4.1, is_compact: true }, Subject::Camera(0)),
         (
             F::FarFromMap { camera: 0, point: 0, distance: 25.0 },
             Subject::ControlPoint { camera: 0, point: 0 },

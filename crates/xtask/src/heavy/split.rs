@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
 /// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
-const REST: [&str; 104] = [
+const REST: [&str; 106] = [
     // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
@@ -37,6 +37,7 @@ const REST: [&str; 104] = [
     "proj4rs_geodesic",
     "calib_site::measurement",
     "calib_core::floor::coverage",
+    "calib_core::floor::density_border",
     "calib_core::single::abramov",
     "calib_site::geographic::typed_degrees",
     "calib_site::geographic::angle",
@@ -50,6 +51,7 @@ const REST: [&str; 104] = [
     "calib_app::compare::panel::since",
     "calib_app::export",
     "calib_app::files::answers",
+    "calib_app::files::open",
     "calib_app::annotate::annotations::usual_size_menu",
     "calib_app::annotate::links",
     "calib_app::annotate::measurements",
