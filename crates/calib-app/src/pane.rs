@@ -235,10 +235,7 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     image::paint(app, &painter, name.as_deref(), &mapping, rect);
     image::blend_old(app, &painter, camera, &mapping, size);
     let split = panel::paint(app, &painter, (camera, place), &mapping, size);
-    let border_labels = match app.view.coverage && !app.view.layers.hidden {
-        true => paint_borders(app, camera, &painter, &mapping),
-        false => Vec::new(),
-    };
+    let border_labels = paint_borders(app, camera, &painter, &mapping);
     let is_own = camera == app.editor.session().camera && place != Place::Tile;
     let suggested = if is_own { app.suggested(ui.ctx()) } else { Vec::new() };
     let is_measured = !app.editor.site().measurements.is_empty();

@@ -265,20 +265,7 @@ impl App {
     /// Imports lenses, cameras and points from files of other programs: all files together, or else the files of each
     /// file type together.
     pub(crate) fn import(&mut self, chosen: Vec<Chosen>) {
-        let mut files = Vec::new();
-        for file in chosen {
-            let name = file.name.clone();
-            let read = match is_importable(&name) {
-                true => file.into_bytes(),
-                false => Err("the type of this file is unknown".into()),
-            };
-            match read {
-                Ok(bytes) => files.push(File { name, bytes }),
-                Err(error) => {
-                    self.act(Action::AddError(format!("Can't open {name}: {error}. {KNOWN_FILES}")))
-                }
-            }
-        }
+        let files: Vec<File> = chosen.into_iter().filter_map(|file| self.read_importable(file)).collect();
         let Some(first) = files.first() else { return };
         let error = match import_any(&files) {
             Ok((format, imported)) => return self.take_imported(&first.name, format, imported),
@@ -288,21 +275,41 @@ impl App {
         let own = ending(first);
         let (alike, others): (Vec<File>, Vec<File>) = files.into_iter().partition(|file| ending(file) == own);
         if others.is_empty() {
-            let names: Vec<&str> = alike.iter().map(|file| file.name.as_str()).collect();
-            let names = names.join(", ");
-            // A damaged site is no file of another program.
-            let site = alike.iter().filter(|_| own.as_deref() == Some("json".as_ref()));
-            let site = site
-                .map(|file| String::from_utf8_lossy(&file.bytes))
-                .find_map(|text| parse(&text, None).err());
-            let as_site = site.map_or_else(String::new, |error| format!(" As a site: {error}."));
-            self.act(Action::AddError(format!("Can't open {names}.{as_site} {error} {KNOWN_FILES}")));
+            self.refuse_import(&alike, &error);
             return;
         }
         for files in [alike, others] {
             let chosen = |File { name, bytes }| Chosen { name, path: None, bytes: Some(bytes) };
             self.import(files.into_iter().map(chosen).collect());
         }
+    }
+
+    /// Reads a file whose type can be imported; reports an error otherwise.
+    fn read_importable(&mut self, file: Chosen) -> Option<File> {
+        let name = file.name.clone();
+        let read = match is_importable(&name) {
+            true => file.into_bytes(),
+            false => Err("the type of this file is unknown".into()),
+        };
+        match read {
+            Ok(bytes) => Some(File { name, bytes }),
+            Err(error) => {
+                self.act(Action::AddError(format!("Can't open {name}: {error}. {KNOWN_FILES}")));
+                None
+            }
+        }
+    }
+
+    /// Reports files that no format accepts. They can be a damaged site.
+    fn refuse_import(&mut self, files: &[File], error: &str) {
+        let names: Vec<&str> = files.iter().map(|file| file.name.as_str()).collect();
+        let sites = files.iter().filter(|file| has_ending(Path::new(&file.name), "json"));
+        let as_site = sites
+            .map(|file| String::from_utf8_lossy(&file.bytes))
+            .find_map(|text| parse(&text, None).err())
+            .map_or_else(String::new, |error| format!(" As a site: {error}."));
+        let names = names.join(", ");
+        self.act(Action::AddError(format!("Can't open {names}.{as_site} {error} {KNOWN_FILES}")));
     }
 
     /// Adds the cameras, the lenses or the plan of imported files to the site.

@@ -50,9 +50,7 @@ const CHOICES: [(&str, Command, &str); 4] = [
     ("Start the tour", Command::Tour, "five steps, ten minutes"),
 ];
 
-/// A browser gives no access to dropped folders.
-const HINT: &str =
-    if cfg!(target_arch = "wasm32") { "Or drop files here." } else { "Or drop files or a folder here." };
+const HINT: &str = "Or drop files here.";
 const PRIVACY_NOTES: [&str; 2] =
     ["Images never leave this machine.", "Nothing is uploaded; it works offline."];
 

@@ -49,7 +49,8 @@ pub(crate) fn paint_coverage(
     paint_survey(site, found, painter, mapping);
 }
 
-/// Paints the borders of the levels in the image of a camera. Nothing is painted while the scale is unknown.
+/// Paints the borders of the levels in the image of a camera, if the coverage is shown. Nothing is painted while the
+/// scale is unknown.
 ///
 /// Returns the labels with their places: level, limit, and standard deviation of the border on the floor.
 pub(crate) fn paint_borders(
@@ -59,9 +60,10 @@ pub(crate) fn paint_borders(
     mapping: &Mapping,
 ) -> Vec<(Pos2, String)> {
     let session = app.editor.session();
-    let (units, size) = (session.site.units, session.site.cameras[camera].size());
-    let pose = session.solved.pose(camera).copied().filter(|_| session.solved.scale_is_known(camera));
-    let Some(pose) = pose else { return Vec::new() };
+    let is_shown = app.view.coverage && !app.view.layers.hidden && session.solved.scale_is_known(camera);
+    let pose = session.solved.pose(camera).copied().filter(|_| is_shown);
+    let Some((pose, entry)) = pose.zip(session.site.cameras.get(camera)) else { return Vec::new() };
+    let (units, size) = (session.site.units, entry.size());
     let borders = app.coverage.get_or_insert_default().borders(camera, &pose, size);
     for border in borders.iter().map(|shown| &shown.border) {
         let shown = colour(level_colour(Some(border.level)));

@@ -166,7 +166,7 @@ impl Editor {
 
     pub(super) fn import(&mut self, site: Site, notes: &[String]) {
         let is_alone = site.cameras.len() == 1;
-        let (mut lenses, mut added) = (0, 0);
+        let (mut lenses, mut added, mut lens_of) = (0, 0, String::new());
         if site.ground_points.iter().any(|point| point.crs_m.is_some()) && self.session.site.crs.is_none() {
             let error = "The points are in a grid. Enter the grid of the site in the panel Points to click, such as \
                          EPSG:25832, and import the file again.";
@@ -176,8 +176,8 @@ impl Editor {
         let points = self.import_ground_points(site.ground_points);
         for camera in site.cameras {
             match self.import_camera(camera, is_alone) {
-                Ok(true) => added += 1,
-                Ok(false) => lenses += 1,
+                Ok(None) => added += 1,
+                Ok(Some(id)) => (lenses, lens_of) = (lenses + 1, id),
                 Err(error) => {
                     self.session.revert();
                     self.error = Some(error);
@@ -197,8 +197,11 @@ impl Editor {
             self.session.note = Some(format!("Imported: {points}.{notes}"));
             return;
         }
-        let [lenses_in_words, added_in_words] =
-            [counted(lenses, "lens", "lenses"), counted(added, "camera", "cameras")];
+        let added_in_words = counted(added, "camera", "cameras");
+        let lenses_in_words = match lenses {
+            1 => format!("the lens of {lens_of}"),
+            _ => counted(lenses, "lens", "lenses"),
+        };
         self.session.commit(match (lenses, added) {
             (_, 0) => format!("import {lenses_in_words}"),
             (0, _) => format!("import {added_in_words}"),
@@ -214,17 +217,17 @@ impl Editor {
         count
     }
 
-    /// Imports a camera. If the camera exists in the site, only its lens is imported. Returns whether a
-    /// camera was added.
-    fn import_camera(&mut self, camera: SiteCamera, is_alone: bool) -> Result<bool, String> {
+    /// Imports a camera. If the camera exists in the site, only its lens is imported. Returns the id of the camera that
+    /// got a lens; `None` if a camera was added.
+    fn import_camera(&mut self, camera: SiteCamera, is_alone: bool) -> Result<Option<String>, String> {
         let session = &mut self.session;
         let known = session.site.cameras.iter().position(|own| own.id == camera.id);
         let own = known.or_else(|| is_alone.then_some(session.camera));
         let Some(entry) = own.and_then(|own| session.site.cameras.get_mut(own)) else {
             session.site.cameras.push(camera);
-            return Ok(true);
+            return Ok(None);
         };
         entry.lens = Some(import::scaled(&camera, entry.size_px)?);
-        Ok(false)
+        Ok(Some(entry.id.clone()))
     }
 }

@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
 /// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
-const REST: [&str; 106] = [
+const REST: [&str; 116] = [
     // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
@@ -120,6 +120,17 @@ const REST: [&str; 106] = [
     "harfrust::hb::ot_shaper_use",
     "harfrust::hb::ot_shaper_vowel_constraints",
     "harfrust::hb::tag_table",
+    // Methods that open and import files.
+    "calib_app::state::app::App>::import",
+    "calib_app::state::app::App>::open_files",
+    "calib_app::state::app::App>::open_with_images",
+    "calib_app::state::app::App>::refuse_import",
+    "calib_app::state::app::App>::save_report",
+    "calib_app::state::app::App>::show_plan",
+    "calib_app::state::app::App>::take_imported",
+    "calib_app::state::app::App>::without_folders",
+    "calib_editor::editor::Editor>::import",
+    "calib_editor::editor::Editor>::import_camera",
     // Web workers, and symbol names in crash reports.
     "calib_app::browser::worker",
     "rustc_demangle",
@@ -254,12 +265,14 @@ fn is_in_rest(name: &str) -> bool {
     reads || !is_shared && REST.iter().any(|part| mentions(&path, part))
 }
 
-/// Whether the path of a function, or the path of one of its generic arguments, begins with these modules.
+/// Whether the path of a function, or the path of one of its generic arguments, begins with these modules. The last part
+/// can also be a method: `module::Type>::method`.
 fn mentions(path: &str, modules: &str) -> bool {
     path.match_indices(modules).any(|(at, _)| {
         let is_inner =
             path[..at].ends_with(|before: char| before == ':' || before == '_' || before.is_alphanumeric());
-        !is_inner && path[at + modules.len()..].starts_with("::")
+        let after = &path[at + modules.len()..];
+        !is_inner && (after.is_empty() || after.starts_with("::"))
     })
 }
 
@@ -290,5 +303,7 @@ mod tests {
         assert!(!mentions("calib_draw::image::on_image", "image"));
         assert!(!mentions("xpng::decoder", "png"));
         assert!(!mentions("calib_report::pages", "calib_report::page"));
+        assert!(mentions("<calib_app::App>::import", "calib_app::App>::import"));
+        assert!(!mentions("<calib_app::App>::important", "calib_app::App>::import"));
     }
 }
