@@ -76,11 +76,11 @@ impl App {
 
     /// Starts reading a plan image; the world file `world` contains its georeference.
     fn read_plan(&mut self, ctx: &Context, picture: Chosen, world: Option<Chosen>) {
-        let told = world.map(plan_from_file).transpose().unwrap_or_else(|error| {
+        let world_file = world.map(plan_from_file).transpose().unwrap_or_else(|error| {
             self.act(Action::AddError(error));
             None
         });
-        self.jobs.planning = Some(Planning { picture: self.read_still(ctx, picture), told });
+        self.jobs.planning = Some(Planning { picture: self.read_still(ctx, picture), world_file });
     }
 
     /// Loads the plan image once it is read.
@@ -88,19 +88,19 @@ impl App {
         let Some(planning) = self.jobs.planning.take() else { return };
         match planning.picture.poll() {
             None => self.jobs.planning = Some(planning),
-            Some(Ok(still)) => self.show_plan(still, planning.told),
+            Some(Ok(still)) => self.show_plan(still, planning.world_file),
             Some(Err(error)) => self.act(Action::AddError(error)),
         }
     }
 
-    /// Loads a plan image; `told` is the plan entry of its world file.
-    fn show_plan(&mut self, still: ReadPicture, told: Option<Plan>) {
+    /// Loads a plan image that was read. `world_file` is the plan entry that its world file contains, if it has one.
+    fn show_plan(&mut self, still: ReadPicture, world_file: Option<Plan>) {
         let drawing = still.drawing.clone();
         let on_map = still.position.and_then(|position| {
             let plan = plan_on_map(self.editor.site(), still.still.size, position);
             plan.map_err(|error| self.act(Action::AddError(error))).ok()?
         });
-        let world_file = told.map(|plan| (plan, "Scale read from the world file.".to_owned()));
+        let world_file = world_file.map(|plan| (plan, "Scale read from the world file.".to_owned()));
         let scaled = on_map
             .or(world_file)
             .or_else(|| self.kept_scale(&still))
@@ -235,9 +235,6 @@ impl App {
         }
         if was_empty && !self.editor.site().cameras.is_empty() {
             self.act(Action::SelectCamera(0));
-        }
-        if !self.jobs.importing.is_empty() {
-            self.poll_imports();
         }
         if let Some(task) = self.jobs.replacing.take() {
             match task.poll() {

@@ -46,7 +46,11 @@ impl FileKind {
         let is_site = |text: &[u8]| text.windows(SITE_FORMAT.len()).any(|part| part == SITE_FORMAT);
         let is_json = has_ending(name, "json") || head.trim_ascii_start().starts_with(b"{");
         // In a sorted site file, the format is behind the cameras.
-        if is_json && (is_site(&head) || file.clone().into_bytes().is_ok_and(|text| is_site(&text))) {
+        let is_whole_site = || match &file.bytes {
+            Some(text) => is_site(text),
+            None => file.clone().into_bytes().is_ok_and(|text| is_site(&text)),
+        };
+        if is_json && (is_site(&head) || is_whole_site()) {
             Self::Site
         } else if head.starts_with(b"%PDF-") {
             Self::Drawing

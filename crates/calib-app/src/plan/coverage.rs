@@ -66,11 +66,9 @@ pub(crate) fn paint_borders(
     let (units, size) = (session.site.units, entry.size());
     let borders = app.coverage.get_or_insert_default().borders(camera, &pose, size);
     for border in borders.iter().map(|shown| &shown.border) {
-        let shown = colour(level_colour(Some(border.level)));
-        for ends in &border.segments {
-            let path = mapping.path(ends);
-            line(painter, &path, Pen::new(on_image::WHITE, 4.0));
-            line(painter, &path, Pen::new(shown, 2.0));
+        let paths: Vec<Vec<Pos2>> = border.segments.iter().map(|ends| mapping.path(ends)).collect();
+        for pen in [Pen::new(on_image::WHITE, 4.0), Pen::new(colour(level_colour(Some(border.level))), 2.0)] {
+            paths.iter().for_each(|path| line(painter, path, pen));
         }
     }
     let label = |shown: &ShownBorder| {

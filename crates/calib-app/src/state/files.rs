@@ -83,5 +83,5 @@ pub(crate) type Read = Result<ReadPicture, String>;
 pub(crate) struct Planning {
     pub(crate) picture: Task<Read>,
     /// Plan entry from the world file of the image, if it has one.
-    pub(crate) told: Option<Plan>,
+    pub(crate) world_file: Option<Plan>,
 }

@@ -64,6 +64,7 @@ impl App {
         }
         let count = self.waiting();
         self.jobs.adding.clear();
+        self.jobs.importing.clear();
         (self.jobs.replacing, self.jobs.planning) = (None, None);
         self.pictures.stop();
         self.edges.stop();

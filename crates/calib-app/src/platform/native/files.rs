@@ -69,7 +69,7 @@ pub(super) fn data_dir() -> Option<PathBuf> {
     eframe::storage_dir("calib")
 }
 
-/// Returns the paths of the images in a folder, sorted by name.
+/// Returns the paths of the visible files in a folder, sorted by name; `None` if the path is not a folder.
 #[must_use]
 pub(super) fn files_in(folder: &Path) -> Option<Vec<PathBuf>> {
     let is_visible_file = |path: &PathBuf| {
