@@ -96,7 +96,7 @@ impl OutputArgs {
         files::check_free(&self.output, self.force)
     }
 
-    /// Refuses an existing output file, and a name that is not that of a picture, before any work is done.
+    /// Checks the output file of a picture before any work is done: its extension, and that it does not exist.
     pub(crate) fn check_picture(&self) -> Result<(), CommandError> {
         picture::is_jpeg_name(&self.output)?;
         self.check_free()
@@ -112,7 +112,7 @@ impl OutputArgs {
         self.output == "-"
     }
 
-    /// Whether the output is a JPEG file. Refuses names that are not those of a picture.
+    /// Whether the output is a JPEG file. Fails if its extension is not that of a PNG or JPEG file.
     #[cfg(feature = "stills")]
     pub(crate) fn is_jpeg(&self) -> Result<bool, CommandError> {
         picture::is_jpeg_name(&self.output)

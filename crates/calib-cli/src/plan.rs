@@ -77,7 +77,7 @@ fn pixel_size(text: &str) -> Result<f64, String> {
 
 /// Parses the height of a wall in metres.
 fn wall_height(text: &str) -> Result<f64, String> {
-    let height = text.trim().parse::<f64>().ok().filter(|height| (0.01..1e3).contains(height));
+    let height = text.trim().parse::<f64>().ok().filter(|height| (0.01..=1e3).contains(height));
     height.ok_or_else(|| "expected metres from 0.01 to 1000".into())
 }
 
@@ -96,9 +96,11 @@ struct ReadPlan {
 pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if let Some(output) = &args.output {
         files::check_free(output, args.force)?;
-        if args.site.is_none() && picture::is_jpeg_name(output).is_err() {
+        if args.site.is_none()
+            && let Err(CommandError::Usage(problem)) = picture::is_jpeg_name(output)
+        {
             return Err(CommandError::Usage(format!(
-                "{output}: expected a picture whose name ends in .png or .jpg; add --site SITE to write a site with this plan"
+                "{problem}; add --site SITE to write a site with this plan"
             )));
         }
     }

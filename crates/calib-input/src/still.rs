@@ -279,8 +279,8 @@ fn unsupported(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
     }
 }
 
-/// Whether the first bytes are those of an image or of a video, of a format that is read or not. For the others,
-/// [`decode`] names the format and a way out.
+/// Whether a file is an image or a video, by its first bytes. Formats that cannot be read are included; [`refusal`]
+/// gives the reason.
 #[must_use]
 pub fn is_image_or_video(head: &[u8]) -> bool {
     // Some formats begin with two letters, and so do many tables.
@@ -341,8 +341,8 @@ fn decode_memory(decoder: &impl ImageDecoder, bytes: &[u8]) -> u64 {
 }
 
 fn open_decoder(bytes: &[u8]) -> Result<(impl ImageDecoder + '_, Orientation), ImageFileError> {
-    if let Some((format, advice)) = unsupported(bytes) {
-        return Err(ImageFileError::Unsupported { format, advice });
+    if let Some(error) = refusal(bytes) {
+        return Err(error);
     }
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(ImageError::from)?;
     // This limit applies to metadata, which the library reads with the header. The memory for pixels is

@@ -54,7 +54,8 @@ pub(crate) fn read(bytes: &[u8]) -> Option<Result<Drawing, PlanError>> {
             ..DrawingFacts::new(DrawingKind::LargeTiff, image.dimensions().into())
         },
         picture: Picture::Pixels(image),
-        lines_px: Vec::new(), other_lines: 0,
+        lines_px: Vec::new(),
+        other_lines: 0,
     }))
 }
 

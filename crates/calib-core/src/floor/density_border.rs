@@ -4,8 +4,9 @@
 //! crossing is found by bisection, and the crossings of a cell are joined (marching squares). A pixel that shows no
 //! floor has the density 0.
 //!
-//! Errors of the calibration move a border. To first order, the border through the point X moves by
-//! `sigma_D / |grad D|` along the gradient of the density D, where `sigma_D` is the standard deviation of D(X).
+//! Errors of the calibration move a border. With the density `D(X, p)` at the floor point X for the camera parameters
+//! p, the border `D = constant` moves along the gradient of D by `-dD / |grad D|` for a change `dD` at fixed X (implicit
+//! function theorem). To first order, its standard deviation is therefore `sigma_D / |grad D|`.
 
 use super::pixel_density::DensityLevel;
 use crate::camera::{Camera, Pixel, WorldPoint};
@@ -26,13 +27,13 @@ pub struct DensityBorder {
 }
 
 impl Camera {
-    /// Returns the borders of the density levels of vertical targets whose lower end is `height` metres above the
-    /// floor, in an image of this width and height in pixels. Levels without a border are left out.
+    /// Returns the borders of the density levels of vertical targets whose lower end is `target_height` metres above
+    /// the floor, in an image of this width and height in pixels. Levels without a border are left out.
     #[must_use]
-    pub fn density_borders(&self, [width, height]: [f64; 2], target: f64) -> Vec<DensityBorder> {
+    pub fn density_borders(&self, [width, height]: [f64; 2], target_height: f64) -> Vec<DensityBorder> {
         let density = |pixel: Pixel| {
-            let point = self.pixel_to_floor(pixel, target);
-            point.and_then(|point| self.pixel_density(point.at_height(target))).unwrap_or(0.0)
+            let point = self.pixel_to_floor(pixel, target_height);
+            point.and_then(|point| self.pixel_density(point.at_height(target_height))).unwrap_or(0.0)
         };
         let corner = |column: usize, row: usize| Pixel {
             u: width * column as f64 / CELLS[0] as f64,
