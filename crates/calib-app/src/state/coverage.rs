@@ -1,7 +1,7 @@
 //! Coverage that the plan shows: the pixel density of the visible floor, computed when its inputs change.
 
 use calib_core::floor::{DensityBorder, DensityLevel, FloorGrid};
-use calib_core::{Camera, FloorPoint, Pixel};
+use calib_core::{Camera, FloorPoint, Pixel, WorldPoint};
 use calib_editor::Session;
 use calib_report::levels;
 use calib_site::{CoverageOptions, LevelRectangle, Site, SiteCamera};
@@ -22,7 +22,8 @@ pub struct ShownCoverage {
 struct ImageBorders {
     /// Index of the camera.
     camera: usize,
-    /// Pose and image size of the camera, and height of the targets, from which the borders were computed.
+    /// Camera above world (0, 0) with yaw 0, size of its image, and height of the targets, from which the borders were
+    /// computed.
     inputs: (Camera, [f64; 2], f64),
     borders: Vec<ShownBorder>,
 }
@@ -192,9 +193,12 @@ impl ShownCoverage {
         }
     }
 
-    /// Returns the borders of the levels in the image of a camera, computed when its pose changes.
+    /// Returns the borders of the levels in the image of a camera, computed when its angles, its height or its lens
+    /// change.
     pub(crate) fn borders(&mut self, camera: usize, pose: &Camera, size: [f64; 2]) -> &[ShownBorder] {
-        let inputs = (*pose, size, self.height);
+        // Moving or turning a camera on the plan changes neither its borders nor their standard deviations.
+        let below = WorldPoint { x: 0.0, y: 0.0, ..pose.position };
+        let inputs = (Camera { position: below, yaw: 0.0, ..*pose }, size, self.height);
         let known = self.in_images.iter().position(|known| known.camera == camera);
         let index = known.unwrap_or_else(|| {
             self.in_images.push(ImageBorders { camera, inputs, borders: Vec::new() });
