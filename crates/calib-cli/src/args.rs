@@ -112,7 +112,10 @@ impl OutputArgs {
         self.output == "-"
     }
 
-    /// Whether the output is a JPEG file. Fails if its extension is not that of a PNG or JPEG file.
+    /// Returns whether the output is written as JPEG. See [`picture::is_jpeg_name`].
+    ///
+    /// # Errors
+    /// If the extension is not `.png`, `.jpg` or `.jpeg`.
     #[cfg(feature = "stills")]
     pub(crate) fn is_jpeg(&self) -> Result<bool, CommandError> {
         picture::is_jpeg_name(&self.output)

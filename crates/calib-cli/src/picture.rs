@@ -17,7 +17,7 @@ pub(crate) fn png(image: &RgbImage) -> Result<Vec<u8>, CommandError> {
 /// without an extension, and for the standard output.
 ///
 /// # Errors
-/// If the name has another extension: the file would contain something else than its name states.
+/// If the name has another extension. The content of the file would not match its name.
 pub(crate) fn is_jpeg_name(name: &str) -> Result<bool, CommandError> {
     let extension = Path::new(name).extension().map(|extension| extension.to_string_lossy().to_lowercase());
     match extension.as_deref() {
