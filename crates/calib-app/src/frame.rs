@@ -31,9 +31,7 @@ impl App {
             self.poll_dialog(ctx);
             self.poll_stills();
             self.poll_plan();
-            if !self.jobs.importing.is_empty() {
-                self.poll_imports();
-            }
+            self.poll_imports();
             self.poll_refining();
             self.poll_proposing(ctx);
             self.poll_comparing(ctx);

@@ -128,7 +128,8 @@ impl App {
 
     /// Imports the files that waited for images and plans: a lens belongs to the camera of its image.
     pub(crate) fn poll_imports(&mut self) {
-        if self.jobs.adding.is_empty() && self.jobs.planning.is_none() {
+        let is_ready = self.jobs.adding.is_empty() && self.jobs.planning.is_none();
+        if is_ready && !self.jobs.importing.is_empty() {
             let files = std::mem::take(&mut self.jobs.importing);
             self.import(files);
         }
