@@ -1,6 +1,6 @@
 //! Sequence of the work in a frame.
 
-use egui::{Context, Ui};
+use egui::{Context, InputOptions, InputState, Ui};
 
 use crate::command;
 use crate::keys;
@@ -24,6 +24,7 @@ impl App {
 
     /// Handles finished work, dropped files and keys, before anything is painted.
     pub fn logic(&mut self, ctx: &Context) {
+        set_click_duration(ctx);
         self.pictures.begin_frame(ctx);
         self.edges.begin_frame();
         // Dropped and chosen files wait until the current gesture ends.
@@ -93,6 +94,13 @@ impl App {
             self.hover.suspect_since = ui.input(|i| i.time);
         }
     }
+}
+
+/// Lets a click of the mouse last any time: frames can be slow. A long touch opens a menu, and is not a click.
+fn set_click_duration(ctx: &Context) {
+    let of_touch = InputOptions::default().max_click_duration;
+    let longest = if ctx.input(InputState::any_touches) { of_touch } else { f64::INFINITY };
+    ctx.options_mut(|options| options.input_options.max_click_duration = longest);
 }
 
 impl eframe::App for App {
