@@ -96,10 +96,10 @@ impl App {
     }
 }
 
-/// Lets a click of the mouse last any time: frames can be slow. A long touch opens a menu, and is not a click.
+/// Allows clicks of the mouse of any duration, because frames can take long. A long touch is no click: it opens a menu.
 fn set_click_duration(ctx: &Context) {
-    let of_touch = InputOptions::default().max_click_duration;
-    let longest = if ctx.input(InputState::any_touches) { of_touch } else { f64::INFINITY };
+    let is_touch = ctx.input(InputState::any_touches);
+    let longest = if is_touch { InputOptions::default().max_click_duration } else { f64::INFINITY };
     ctx.options_mut(|options| options.input_options.max_click_duration = longest);
 }
 

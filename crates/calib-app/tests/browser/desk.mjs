@@ -58,18 +58,16 @@ export class Desk {
   }
 
   async press(name) {
-    const [x, y] = await this.place(name);
-    await this.tap(x, y);
+    await this.tap(await this.place(name));
     await this.painted(150);
   }
 
-  /** Clicks at a position. No frame is awaited while the button is down: after 0.8 s a press is no click. */
-  async tap(x, y) {
+  /** Clicks at a position of the screen. The button is not held for a frame, which can be long on a busy machine. */
+  async tap([x, y]) {
     await this.page.mouse.move(x, y);
     await this.painted();
     await this.page.mouse.down();
     await this.page.mouse.up();
-    await this.painted();
   }
 
   async key(key) {
@@ -129,9 +127,9 @@ export class Desk {
   }
 
   async click(pane, point) {
-    await this.tap(...await this.screen(pane, point));
+    await this.tap(await this.screen(pane, point));
     // Otherwise the next click would be a double click.
-    await this.page.waitForTimeout(450);
+    await this.painted(450);
   }
 
   /** Drops files: [name, type, bytes or text]. */
