@@ -234,3 +234,65 @@ fn periods_and_groups_of_cameras_are_not_mixed() {
     let found = scratch.calib(&["coverage", "groups.json"]).expect_code(0).json();
     assert_eq!(found["left_out"], serde_json::json!(["c", "d", "e"]), "{found}");
 }
+
+#[test]
+fn hand_over_zones_state_how_far_two_cameras_disagree() {
+    let scratch = Scratch::new();
+    let site = demonstration(&scratch);
+    let report = scratch.calib(&["coverage", "demo/survey.json", "--format", "json", "--height-m", "1.6"]);
+    let report: Value = serde_json::from_str(&report.stdout).unwrap();
+    let zones = report["hand_overs"].as_array().unwrap();
+    let area = |zone: &Value| zone["area_m2"].as_f64().unwrap();
+    assert!(zones.len() >= 3 && zones.windows(2).all(|pair| area(&pair[0]) >= area(&pair[1])));
+    let camera = |id: &Value| site.cameras.iter().find(|entry| id == &entry.id).unwrap().camera().unwrap();
+    for zone in zones.iter().filter(|zone| zone["disagreement_m"].is_f64()) {
+        let [rms, worst] = ["disagreement_m", "worst_disagreement_m"].map(|key| zone[key].as_f64().unwrap());
+        assert!(0.0 < rms && rms <= worst, "{zone}");
+        let at = zone["worst_m"].as_array().unwrap();
+        let target = WorldPoint::new(at[0].as_f64().unwrap(), at[1].as_f64().unwrap(), 1.6);
+        // The errors of both cameras bound the error of their difference.
+        let sigmas = [0, 1].map(|k| {
+            let camera = camera(&zone["cameras"][k]);
+            let pixel = camera.world_to_pixel(target).unwrap();
+            let on_plane = camera.plane_covariance(pixel, 0.0, 1.6).unwrap().calibration.unwrap();
+            (on_plane[0][0] + on_plane[1][1]).sqrt()
+        });
+        let [least, most] = [(sigmas[0] - sigmas[1]).abs(), sigmas[0] + sigmas[1]];
+        assert!((least..=most * (1.0 + 1e-6)).contains(&worst), "{zone}: {sigmas:?}");
+    }
+    // A camera that is placed by hand has no known error of its position.
+    let mut by_hand = site;
+    let shop = by_hand.cameras.iter_mut().find(|entry| entry.id == "shop-1").unwrap();
+    let solution = shop.solution.as_mut().unwrap();
+    (solution.covariance, solution.sigma) = (None, None);
+    scratch.write("demo/unknown.json", by_hand.to_json());
+    let report = scratch.calib(&["coverage", "demo/unknown.json", "--format", "text"]).stdout;
+    let line = report.lines().find(|line| line.starts_with("hand-over") && line.contains("shop-1")).unwrap();
+    assert!(line.contains("unknown, because \"shop-1\""), "{line}");
+}
+
+#[test]
+fn a_site_can_change_the_limits_of_the_levels() {
+    let scratch = Scratch::new();
+    let mut site = demonstration(&scratch);
+    let area_of = |path: &str, level: &str| {
+        let output = scratch.calib(&["coverage", path, "-o", "map.geojson", "--force", "--format", "json"]);
+        let report: Value = serde_json::from_str(&output.stdout).unwrap();
+        let map = scratch.read_json("map.geojson");
+        let of_level = |feature: &&Value| feature["properties"]["level"] == level;
+        let count = map["features"].as_array().unwrap().iter().filter(of_level).count();
+        (report["level_px_per_m"][level].as_f64().unwrap(), count)
+    };
+    let (usual, before) = area_of("demo/survey.json", "identify");
+    assert_eq!((usual, before), (250.0, 0));
+    site.level_px_per_m = Some(calib_site::LevelLimitsEntry { identify: Some(150.0), ..Default::default() });
+    scratch.write("demo/own.json", site.to_json());
+    let (own, after) = area_of("demo/own.json", "identify");
+    assert!(own == 150.0 && after > 0, "{after} rectangles");
+    let mut json = scratch.read_json("demo/own.json");
+    json["level_px_per_m"] = serde_json::json!({"recognise": 300.0});
+    scratch.write("demo/wrong.json", json.to_string());
+    let refused = scratch.calib(&["coverage", "demo/wrong.json"]).expect_code(3);
+    let why = &refused.stderr;
+    assert!(why.contains("/level_px_per_m/identify") && why.contains("more than 300 px/m"), "{why}");
+}

@@ -9,21 +9,26 @@ use calib_site::SiteCamera;
 use egui::{Align2, Color32, Painter, Pos2, Rect, Vec2};
 
 use crate::paint::{Pen, chip, handle, line, tag};
-use crate::state::{EllipseSize, NEAR, Orbit};
+use crate::state::{EllipseSize, NEAR, Orbit, ShownCoverage};
 use crate::theme::{self, on_image};
 
-/// Paints the 3-D scene; `plan` is the texture of the plan with its size in pixels.
+/// Paints the 3-D scene; `plan` is the texture of the plan with its size in pixels, `coverage` the coverage
+/// if it is shown.
 pub fn paint(
     painter: &Painter,
     rect: Rect,
     (orbit, is_dark): (&Orbit, bool),
     (session, ellipses): (&Session, EllipseSize),
     plan: Option<(egui::TextureId, [u32; 2])>,
+    coverage: Option<&ShownCoverage>,
 ) {
     if let Some((texture, size)) = plan {
         paint_plan(painter, rect, orbit, session, texture, size);
     }
     paint_ground(painter, rect, orbit, is_dark);
+    if let Some(shown) = coverage {
+        paint_coverage(painter, rect, orbit, (session, shown));
+    }
     for mark in session.site.marks.iter().filter(|mark| !mark.off) {
         for part in mark.shape().polylines() {
             polyline(painter, rect, orbit, &part, Pen::new(on_image::WHITE, 1.75));
@@ -62,6 +67,42 @@ fn paint_ground(painter: &Painter, rect: Rect, orbit: &Orbit, is_dark: bool) {
         for points in lines {
             polyline(painter, rect, orbit, &points, pen);
         }
+    }
+}
+
+/// Paints the coloured floor of the coverage at the height of its targets, the walls, and the areas of interest.
+fn paint_coverage(
+    painter: &Painter,
+    rect: Rect,
+    orbit: &Orbit,
+    (session, shown): (&Session, &ShownCoverage),
+) {
+    /// Opacity of the colours.
+    const OPACITY: f32 = 0.5;
+    /// Painted height of a wall without a height, in metres.
+    const USUAL_WALL_HEIGHT: f64 = 2.5;
+    let mut mesh = egui::Mesh::default();
+    for rectangle in shown.result.iter().flat_map(|found| &found.rectangles) {
+        let corners = rectangle.corners().map(|corner| orbit.project(rect, corner.at_height(shown.height)));
+        let [Some(a), Some(b), Some(c), Some(d)] = corners else { continue };
+        let (base, fill) =
+            (mesh.vertices.len() as u32, theme::colour(rectangle.value).gamma_multiply(OPACITY));
+        [a, b, c, d].into_iter().for_each(|at| mesh.colored_vertex(at, fill));
+        mesh.add_triangle(base, base + 1, base + 2);
+        mesh.add_triangle(base, base + 2, base + 3);
+    }
+    painter.add(egui::Shape::mesh(mesh));
+    for wall in &session.site.walls {
+        let top = wall.height_m.unwrap_or(USUAL_WALL_HEIGHT);
+        let [from, to] = [wall.from_m, wall.to_m];
+        let outline = [from.at_height(0.0), to.at_height(0.0), to.at_height(top), from.at_height(top)];
+        let closed: Vec<WorldPoint> = outline.into_iter().chain([outline[0]]).collect();
+        polyline(painter, rect, orbit, &closed, Pen::new(on_image::WHITE, 1.5));
+    }
+    for area in &session.site.areas {
+        let corners = area.polygon_m.iter().chain(area.polygon_m.first());
+        let closed: Vec<WorldPoint> = corners.map(|corner| corner.at_height(0.0)).collect();
+        polyline(painter, rect, orbit, &closed, Pen::new(on_image::WAITING, 2.0));
     }
 }
 

@@ -100,7 +100,12 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
         }
     }
     let file = args.site.read()?;
-    let options = CoverageOptions { height: args.height_m, step: args.step_m, level: args.level };
+    let options = CoverageOptions {
+        height: args.height_m,
+        step: args.step_m,
+        level: args.level,
+        points_per_zone: None,
+    };
     let pulse = Pulse::new("computing the coverage");
     let coverage = file.site.coverage(&options).map_err(|error| match error {
         CoverageError::NoCamera => CommandError::Unsolved(format!("{}: {error}", file.path)),
@@ -210,8 +215,26 @@ fn as_json(coverage: &SiteCoverage<'_>) -> Value {
             json!({"id": entry.id, "reach": reaches})
         })
         .collect();
+    let hand_overs: Vec<Value> = coverage
+        .hand_overs
+        .iter()
+        .map(|zone| {
+            let (found, why) = match &zone.disagreement {
+                Ok(found) => (Some(found), None),
+                Err(why) => (None, Some(coverage.unknown_text(*why))),
+            };
+            json!({"cameras": coverage.ids_of(zone), "area_m2": coverage.area_of(zone),
+                "middle_m": [zone.middle.x, zone.middle.y], "disagreement_m": found.map(|found| found.rms),
+                "worst_disagreement_m": found.map(|found| found.worst),
+                "worst_m": found.map(|found| [found.worst_at.x, found.worst_at.y]), "unknown": why})
+        })
+        .collect();
+    let limits: serde_json::Map<String, Value> = DensityLevel::ALL
+        .into_iter()
+        .map(|level| (level.name().to_owned(), json!(coverage.limits.of(level))))
+        .collect();
     let ids = |entries: &[&SiteCamera]| entries.iter().map(|entry| entry.id.clone()).collect::<Vec<_>>();
     json!({"visible_m2": coverage.visible_area(|_| true), "step_m": coverage.grid.step,
         "left_out": ids(&coverage.left_out), "scale_assumed": ids(&coverage.scale_assumed),
-        "cameras": cameras, "areas": areas})
+        "level_px_per_m": limits, "cameras": cameras, "areas": areas, "hand_overs": hand_overs})
 }

@@ -289,8 +289,10 @@ fn wall_lines(args: &Args, bytes: &[u8]) -> Result<WallLines, CommandError> {
     };
     check_layers("--walls", &args.walls, &drawing.facts, &args.file)?;
     // The pixels of a drawing do not depend on the layers that are shown.
-    let lines = drawing.lines_px.into_iter().map(|line| line.map(PlanPixel::from)).collect();
-    Ok(WallLines { lines, others: drawing.other_lines })
+    let layers = &drawing.facts.layers;
+    let lines = layers.iter().flat_map(|layer| &layer.lines_px);
+    let lines = lines.map(|line| line.map(|end| PlanPixel::from(end.map(f64::from)))).collect();
+    Ok(WallLines { lines, others: layers.iter().map(|layer| layer.other_lines).sum() })
 }
 
 /// Refuses names that are not layers of the drawing.

@@ -249,6 +249,7 @@ pub(crate) fn site(lens: KnownLens, tremor: f64) -> Site {
         planes: Vec::new(),
         walls: Vec::new(),
         areas: Vec::new(),
+        level_px_per_m: None,
         measurements: Vec::new(),
         ground_points: Vec::new(),
         solution: None,

@@ -60,6 +60,7 @@ fn restore_rest(site: &mut Site, known: &Site) {
         planes,
         walls,
         areas,
+        level_px_per_m,
         measurements,
         ground_points,
         solution,
@@ -77,6 +78,7 @@ fn restore_rest(site: &mut Site, known: &Site) {
     restore_value(&mut site.planes, planes);
     restore_value(&mut site.walls, walls);
     restore_value(&mut site.areas, areas);
+    site.level_px_per_m = *level_px_per_m;
     restore_value(&mut site.measurements, measurements);
     restore_value(&mut site.ground_points, ground_points);
     restore_value(&mut site.solution, solution);
@@ -105,6 +107,7 @@ fn is_same_rest(a: &Site, b: &Site) -> bool {
         && a.planes == b.planes
         && a.walls == b.walls
         && a.areas == b.areas
+        && a.level_px_per_m == b.level_px_per_m
         && a.measurements == b.measurements
         && a.ground_points == b.ground_points
         && a.solution == b.solution
@@ -128,6 +131,7 @@ fn without_cameras(site: &Site) -> Site {
         planes: site.planes.clone(),
         walls: site.walls.clone(),
         areas: site.areas.clone(),
+        level_px_per_m: site.level_px_per_m,
         measurements: site.measurements.clone(),
         ground_points: site.ground_points.clone(),
         solution: site.solution.clone(),

@@ -44,9 +44,16 @@ pub fn coverage_geojson(site: &Site, coverage: &SiteCoverage<'_>) -> String {
     let earth = georeference.as_ref();
     let mut features = Vec::new();
     for rectangle in coverage.rectangles() {
-        let level = rectangle.level.map(calib_core::floor::DensityLevel::name);
+        let level = rectangle.value.map(calib_core::floor::DensityLevel::name);
         features.push(json!({"type": "Feature", "properties": {"kind": "visible", "level": level},
             "geometry": polygon(&rectangle.corners(), earth)}));
+    }
+    for zone in &coverage.hand_overs {
+        let found = zone.disagreement.ok();
+        features.push(json!({"type": "Feature", "geometry": {"type": "Point", "coordinates": coordinates(zone.middle, earth)},
+            "properties": {"kind": "hand_over", "cameras": coverage.ids_of(zone),
+                "area_m2": coverage.area_of(zone), "disagreement_m": found.map(|found| found.rms),
+                "worst_disagreement_m": found.map(|found| found.worst)}}));
     }
     for result in &coverage.areas {
         let found = result.coverage;
@@ -57,7 +64,13 @@ pub fn coverage_geojson(site: &Site, coverage: &SiteCoverage<'_>) -> String {
                 "worst_px_per_m": found.and_then(|area| area.worst_density)}}));
     }
     let mut document = json!({"type": "FeatureCollection", "features": features,
-        "fields": {"kind": "visible: floor that a camera sees; area: area of interest",
+        "fields": {"kind": "visible: floor that a camera sees; area: area of interest; hand_over: middle of the floor \
+                that two cameras see",
+            "cameras": "ids of the two cameras",
+            "area_m2": "floor that both cameras see, in square metres",
+            "disagreement_m": "expected RMS distance between the positions that the two cameras compute for one \
+                target, in metres; null if unknown",
+            "worst_disagreement_m": "the same at the worst point of the zone",
             "level": "visible: highest level that the best camera reaches; area: required level",
             "share": "share of the area that reaches the level, from 0 to 1",
             "blind_share": "share of the area that no camera sees, from 0 to 1",

@@ -88,7 +88,7 @@ pub enum ScaleSource {
 }
 
 /// Layer of a DXF.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Layer {
     /// Name.
     pub name: String,
@@ -96,6 +96,10 @@ pub struct Layer {
     pub is_shown: bool,
     /// Number of its lines and texts in the drawing.
     pub count: usize,
+    /// Straight lines of a shown layer in the picture: both ends, in pixels.
+    pub lines_px: Vec<[[f32; 2]; 2]>,
+    /// Number of the other lines of a shown layer: arcs, circles, curves, and straight lines beyond the limit.
+    pub other_lines: usize,
 }
 
 /// Properties of a drawing.
@@ -177,10 +181,6 @@ pub struct Drawing {
     pub picture: Picture,
     /// Properties.
     pub facts: DrawingFacts,
-    /// Straight lines of the shown layers of a DXF in the picture: both ends, in pixels.
-    pub lines_px: Vec<[[f64; 2]; 2]>,
-    /// Number of the other lines of the shown layers: arcs, circles, curves, and straight lines beyond the limit.
-    pub other_lines: usize,
 }
 
 impl Drawing {

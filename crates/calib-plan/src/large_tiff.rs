@@ -54,8 +54,6 @@ pub(crate) fn read(bytes: &[u8]) -> Option<Result<Drawing, PlanError>> {
             ..DrawingFacts::new(DrawingKind::LargeTiff, image.dimensions().into())
         },
         picture: Picture::Pixels(image),
-        lines_px: Vec::new(),
-        other_lines: 0,
     }))
 }
 

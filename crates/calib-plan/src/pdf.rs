@@ -73,7 +73,7 @@ fn read_page(bytes: Vec<u8>, number: u32) -> Result<Drawing, PlanError> {
         pages: pages.len(),
         ..DrawingFacts::new(DrawingKind::Pdf, size)
     };
-    Ok(Drawing { picture: Picture::Svg(document(page)), facts, lines_px: Vec::new(), other_lines: 0 })
+    Ok(Drawing { picture: Picture::Svg(document(page)), facts })
 }
 
 /// Returns the SVG document of a page, on white.

@@ -43,7 +43,7 @@ fn read_svg(bytes: &[u8]) -> Result<Drawing, PlanError> {
     let bytes = bytes.to_vec();
     let image = crate::guard::guarded("SVG", move || crate::svg::rasterise(&bytes, None))?;
     let facts = DrawingFacts::new(DrawingKind::Svg, image.dimensions().into());
-    Ok(Drawing { picture: Picture::Pixels(image), facts, lines_px: Vec::new(), other_lines: 0 })
+    Ok(Drawing { picture: Picture::Pixels(image), facts })
 }
 
 #[cfg(not(feature = "raster"))]

@@ -34,7 +34,11 @@ impl Site {
     ///     (rows, columns) is the index of this camera in the list "cameras", or -1. "seen_by" (rows, columns)
     ///     is the number of cameras. "areas" is a list of dicts with "id", "level", "met", "share",
     ///     "blind_share" and "worst_px_per_m". "left_out" lists cameras without a position relative to the others,
-    ///     "scale_assumed" cameras whose metres can be wrong in proportion.
+    ///     "scale_assumed" cameras whose metres can be wrong in proportion. "hand_overs" is a list of dicts for the
+    ///     floor that two cameras see, the largest first: "cameras", "area" in square metres, "middle" (x, y),
+    ///     "disagreement" and "worst_disagreement" (expected RMS distance between the positions that the two cameras
+    ///     compute for one target, over the zone and at its worst point, in metres), and "unknown" (the reason if they
+    ///     are None).
     #[pyo3(signature = (*, height=0.0, step=None, level=None, at=None))]
     fn coverage<'py>(
         &self,
@@ -49,7 +53,7 @@ impl Site {
             return Err(value_error(py, None, "step", format_args!("found {step}, expected at least 0.001")));
         }
         let level = level.map(|name| level_of(py, name)).transpose()?;
-        let options = CoverageOptions { height, step, level };
+        let options = CoverageOptions { height, step, level, points_per_zone: None };
         let site = match at {
             Some(at) => self.valid_at(py, &time(at, None)?)?,
             None => self.0.clone(),
@@ -60,6 +64,18 @@ impl Site {
             }
             _ => value_error(py, None, "coverage", &why),
         })?;
+        let hand_overs = PyList::empty(py);
+        for zone in &found.hand_overs {
+            let disagreement = zone.disagreement.ok();
+            let entry = PyDict::new(py);
+            entry.set_item("cameras", found.ids_of(zone).to_vec())?;
+            entry.set_item("area", found.area_of(zone))?;
+            entry.set_item("middle", (zone.middle.x, zone.middle.y))?;
+            entry.set_item("disagreement", disagreement.map(|known| known.rms))?;
+            entry.set_item("worst_disagreement", disagreement.map(|known| known.worst))?;
+            entry.set_item("unknown", zone.disagreement.err().map(|why| found.unknown_text(why)))?;
+            hand_overs.append(entry)?;
+        }
         let grid = found.grid;
         let shape = [grid.rows, grid.columns];
         let numbers = |list: Vec<i64>| PyArray1::from_vec(py, list).reshape(shape);
@@ -88,6 +104,7 @@ impl Site {
             areas.append(entry)?;
         }
         result.set_item("areas", areas)?;
+        result.set_item("hand_overs", hand_overs)?;
         Ok(result)
     }
 

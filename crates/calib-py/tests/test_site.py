@@ -69,6 +69,12 @@ def test_coverage_and_measurements_agree_with_the_camera() -> None:
         site.measure([("door", 800.0, 800.0), ("door", 1100.0, 1.0)])
     with pytest.raises(calib.CalibError, match="expected one of"):
         site.coverage(level="read")  # type: ignore[arg-type]
+    assert coverage["hand_overs"] == []
+    gate = calib.camera_entry("gate", (1920, 1080), LINES, placement={"move_m": [4.5, -2.0]}, height_m={"value": 3.0, "sigma": 0.02})
+    pair = calib.Site(calib.site_document([door, gate], level_px_per_m={"identify": 200.0})).calibrate()
+    (zone,) = pair.coverage(step=0.5)["hand_overs"]
+    assert zone["cameras"] == ["door", "gate"] and zone["area"] > 1.0
+    assert zone["disagreement"] is None and "placed by hand" in zone["unknown"]
 
 
 def test_a_camera_that_cannot_be_solved_has_a_reason() -> None:

@@ -1,7 +1,7 @@
 //! Coverage on the plan: the visible floor coloured by its pixel density, walls, and areas of interest.
 
 use calib_core::FloorPoint;
-use calib_core::floor::DensityLevel;
+use calib_core::floor::{DensityLevel, LevelLimits};
 use calib_draw::Rgb;
 use calib_site::{Site, SiteCoverage};
 
@@ -26,11 +26,16 @@ pub const fn level_colour(level: Option<DensityLevel>) -> Rgb {
     }
 }
 
+/// Returns the colour of floor that this number of cameras sees, at least one. The colours are those of the levels.
+pub fn count_colour(cameras: usize) -> Rgb {
+    level_colour(DensityLevel::ALL.get(cameras.saturating_sub(1)).or(DensityLevel::ALL.last()).copied())
+}
+
 /// Describes a level and its smallest pixel density.
-pub fn level_text(level: Option<DensityLevel>) -> String {
+pub fn level_text(level: Option<DensityLevel>, limits: &LevelLimits) -> String {
     match level {
-        None => format!("visible, below {} px/m", DensityLevel::Monitor.pixels_per_metre()),
-        Some(level) => format!("{}, from {} px/m", level.name(), level.pixels_per_metre()),
+        None => format!("visible, below {} px/m", limits.of(DensityLevel::Monitor)),
+        Some(level) => format!("{}, from {} px/m", level.name(), limits.of(level)),
     }
 }
 
@@ -41,8 +46,10 @@ pub fn levels() -> impl Iterator<Item = Option<DensityLevel>> {
 
 /// Returns the entries of the legend.
 pub(crate) fn legend(site: &Site) -> Vec<(Sample, String)> {
-    let mut rows: Vec<(Sample, String)> =
-        levels().map(|level| (Sample::Fill(level_colour(level), OPACITY), level_text(level))).collect();
+    let limits = site.level_limits();
+    let mut rows: Vec<(Sample, String)> = levels()
+        .map(|level| (Sample::Fill(level_colour(level), OPACITY), level_text(level, &limits)))
+        .collect();
     if !site.walls.is_empty() {
         rows.push((Sample::Line(wall_stroke()), "wall".into()));
     }
@@ -59,7 +66,7 @@ pub(crate) fn draw_floor(
     on_plan: &dyn Fn(FloorPoint) -> [f64; 2],
 ) {
     for rectangle in coverage.rectangles() {
-        svg.tile(&rectangle.corners().map(on_plan), level_colour(rectangle.level), OPACITY);
+        svg.tile(&rectangle.corners().map(on_plan), level_colour(rectangle.value), OPACITY);
     }
 }
 

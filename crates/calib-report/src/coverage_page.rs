@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use calib_core::floor::{DensityLevel, Reach};
+use calib_core::floor::{DensityLevel, HandOver, LevelLimits, Reach};
 use calib_site::{AreaResult, Site, SiteCamera, SiteCoverage, Units};
 
 use crate::coverage_layer::{level_text, levels};
@@ -25,13 +25,22 @@ impl CoveragePage<'_> {
     pub fn text(&self) -> String {
         let mut out = format!("{}\n", self.summary());
         for (level, area) in self.levels() {
-            let _ = writeln!(out, "{}: {}", level_text(level), self.area(area));
+            let _ = writeln!(out, "{}: {}", level_text(level, &self.coverage.limits), self.area(area));
         }
         for (index, entry) in self.coverage.cameras.iter().enumerate() {
             let _ = writeln!(out, "{}: {}", entry.id, self.camera(index));
         }
         for result in &self.coverage.areas {
             let _ = writeln!(out, "area {}: {}", result.area.id, area_text(result));
+        }
+        for zone in &self.coverage.hand_overs {
+            let ([a, b], text) =
+                (self.coverage.ids_of(zone), hand_over_text(self.coverage, zone, self.site.units));
+            let _ = writeln!(
+                out,
+                "hand-over {a} \u{2013} {b}: {}, {text}",
+                self.area(self.coverage.area_of(zone))
+            );
         }
         out
     }
@@ -54,13 +63,18 @@ impl CoveragePage<'_> {
         let _ = writeln!(html, "<figure>{figure}</figure>");
         html.push_str(
             "<p class=dim>The pixel density is the number of pixels that show one metre of a person or object. \
-             The levels follow EN 62676-4: at \u{201c}recognise\u{201d}, for example, an operator recognises a \
-             known person.</p>\n",
+             At \u{201c}recognise\u{201d}, for example, an operator recognises a known person. ",
         );
+        html.push_str(match self.coverage.limits == LevelLimits::default() {
+            true => "The levels follow EN 62676-4.</p>\n",
+            false => {
+                "The names of the levels follow EN 62676-4. The limits were entered for this site.</p>\n"
+            }
+        });
         self.write_areas(html);
         html.push_str("<h3>Visible floor of each level</h3><table><thead><tr><th>Level<th class=n>Area</tr></thead><tbody>\n");
         for (level, area) in self.levels() {
-            let (level, area) = (escape(&level_text(level)), self.area(area));
+            let (level, area) = (escape(&level_text(level, &self.coverage.limits)), self.area(area));
             let _ = writeln!(html, "<tr><td>{level}<td class=n>{area}</tr>");
         }
         let symbol = self.site.units.symbol();
@@ -84,6 +98,34 @@ impl CoveragePage<'_> {
         html.push_str(
             "</tbody></table>\n<p class=dim>\u{201c}\u{2265}\u{201d}: the camera reaches the level as far as it sees the floor.</p>\n",
         );
+        self.write_hand_overs(html);
+    }
+
+    /// Writes the largest hand-over zones.
+    fn write_hand_overs(&self, html: &mut String) {
+        /// Largest number of zones in the table.
+        const MAX_ZONES: usize = 50;
+        let zones = &self.coverage.hand_overs;
+        if zones.is_empty() {
+            return;
+        }
+        html.push_str(
+            "<h3>Hand-over zones</h3><p class=dim>Floor that two cameras see. Both compute the position of the same \
+             person or object; the expected disagreement is the RMS distance of the two positions from the errors of \
+             the calibration. The errors of a detector come in addition.</p>\n<table><thead><tr><th>Cameras<th \
+             class=n>Area<th>Expected disagreement</tr></thead><tbody>\n",
+        );
+        for zone in zones.iter().take(MAX_ZONES) {
+            let [a, b] = self.coverage.ids_of(zone).map(escape);
+            let area = self.area(self.coverage.area_of(zone));
+            let text = escape(&hand_over_text(self.coverage, zone, self.site.units));
+            let _ = writeln!(html, "<tr><td>{a} \u{2013} {b}<td class=n>{area}<td>{text}</tr>");
+        }
+        html.push_str("</tbody></table>\n");
+        if zones.len() > MAX_ZONES {
+            let _ =
+                writeln!(html, "<p class=dim>{} smaller zones are not listed.</p>", zones.len() - MAX_ZONES);
+        }
     }
 
     fn write_areas(&self, html: &mut String) {
@@ -165,7 +207,7 @@ impl CoveragePage<'_> {
 
     /// Returns the visible floor of each level, in square metres.
     fn levels(&self) -> impl Iterator<Item = (Option<DensityLevel>, f64)> {
-        let reached = |at: usize| DensityLevel::reached_by(self.coverage.coverage.density[at]);
+        let reached = |at: usize| self.coverage.limits.reached_by(self.coverage.coverage.density[at]);
         levels().map(move |level| (level, self.coverage.visible_area(|at| reached(at) == level)))
     }
 
@@ -178,6 +220,17 @@ impl CoveragePage<'_> {
         };
         let parts: Vec<String> = reaches.filter_map(of).collect();
         if parts.is_empty() { "reaches no level".into() } else { parts.join(", ") }
+    }
+}
+
+/// Describes the expected disagreement of a hand-over zone, as in "8.0 cm, 21.0 cm at the worst point".
+pub fn hand_over_text(coverage: &SiteCoverage<'_>, zone: &HandOver, units: Units) -> String {
+    match &zone.disagreement {
+        Ok(found) => {
+            let [usual, worst] = [found.rms, found.worst].map(|length| units.short_length(length));
+            format!("{usual}, {worst} at the worst point")
+        }
+        Err(why) => coverage.unknown_text(*why),
     }
 }
 

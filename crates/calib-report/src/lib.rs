@@ -32,8 +32,8 @@ mod summary;
 mod page;
 mod watch_page;
 
-pub use coverage_layer::{level_colour, level_text, levels};
-pub use coverage_page::CoveragePage;
+pub use coverage_layer::{count_colour, level_colour, level_text, levels};
+pub use coverage_page::{CoveragePage, hand_over_text};
 pub use measurement_section::measurement_name;
 pub use overlay::overlay;
 pub use page::{EmbeddedImage, ImageRequest, ImageSource, coverage_html, page};

@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 
 use calib_core::camera::{Coefficient, ImageCircle};
+use calib_core::floor::DensityLevel;
 
 use crate::bounds::{At, Bounds, Checked, MAX_ITEMS, count, id, known, name, optional, pixels};
 use crate::check_geographic::check_geographic;
@@ -151,6 +152,7 @@ pub(crate) fn check_survey(root: &At, site: &Site) -> Checked {
             Bounds::COORDINATE.check_all(&polygon.index(k), &<[f64; 2]>::from(corner))?;
         }
     }
+    check_levels(&root.key("level_px_per_m"), site)?;
     let cameras: HashSet<&str> = site.cameras.iter().map(|camera| camera.id.as_str()).collect();
     let measurements = root.key("measurements");
     count(&measurements, site.measurements.len(), MAX_ITEMS)?;
@@ -158,6 +160,25 @@ pub(crate) fn check_survey(root: &At, site: &Site) -> Checked {
         .iter()
         .enumerate()
         .try_for_each(|(i, measurement)| check_measurement(&measurements.index(i), measurement, &cameras))
+}
+
+/// Checks the limits of the levels: they increase from level to level.
+fn check_levels(at: &At, site: &Site) -> Checked {
+    let Some(entry) = &site.level_px_per_m else { return Ok(()) };
+    for (level, entered) in DensityLevel::ALL.into_iter().zip(entry.entered()) {
+        optional(&at.key(level.name()), entered, Bounds::POSITIVE)?;
+    }
+    let limits = entry.limits();
+    for pair in DensityLevel::ALL.windows(2) {
+        let [lower, upper] = [limits.of(pair[0]), limits.of(pair[1])];
+        if lower >= upper {
+            return at.key(pair[1].name()).expected(
+                format!("{upper} px/m"),
+                format!("more than {lower} px/m, the limit of \"{}\"", pair[0].name()),
+            );
+        }
+    }
+    Ok(())
 }
 
 /// Checks one measurement: its number of points, and every point.

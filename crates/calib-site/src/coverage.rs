@@ -2,7 +2,8 @@
 
 use calib_core::camera::{Camera, FloorPoint};
 use calib_core::floor::{
-    AreaCoverage, Coverage, CoverageCamera, DensityLevel, Extent, FloorGrid, Reach, Requirement, Wall,
+    AreaCoverage, Coverage, CoverageCamera, DensityLevel, Extent, FloorGrid, HandOver, LevelLimits, Reach,
+    Requirement, UnknownDisagreement, Wall,
 };
 
 use crate::document::{Site, SiteCamera};
@@ -17,6 +18,8 @@ pub struct CoverageOptions {
     pub step: Option<f64>,
     /// Level that replaces the levels of all areas.
     pub level: Option<DensityLevel>,
+    /// Number of points at which the disagreement of a hand-over zone is computed; 100 if absent.
+    pub points_per_zone: Option<usize>,
 }
 
 /// Coverage of a site.
@@ -38,20 +41,24 @@ pub struct SiteCoverage<'a> {
     pub areas: Vec<AreaResult<'a>>,
     /// For every camera of `cameras`, the farthest point that reaches each level of [`DensityLevel::ALL`].
     pub reaches: Vec<[Option<Reach>; DensityLevel::ALL.len()]>,
+    /// Floor that two cameras see, the largest zone first. The cameras are indices in `cameras`.
+    pub hand_overs: Vec<HandOver>,
+    /// Smallest pixel density of each level.
+    pub limits: LevelLimits,
 }
 
-/// Rectangle of the grid in which the best camera reaches the same level.
+/// Rectangle of visible floor with one value, such as the level that the best camera reaches.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LevelRectangle {
-    /// Level; `None` below all levels.
-    pub level: Option<DensityLevel>,
+pub struct FloorRectangle<T> {
+    /// Value.
+    pub value: T,
     /// Smallest x and y, in metres.
     pub low: FloorPoint,
     /// Largest x and y, in metres.
     pub high: FloorPoint,
 }
 
-impl LevelRectangle {
+impl<T: Copy> FloorRectangle<T> {
     /// Returns the corners, counter-clockwise seen from above.
     #[must_use]
     pub const fn corners(&self) -> [FloorPoint; 4] {
@@ -61,26 +68,32 @@ impl LevelRectangle {
 }
 
 impl SiteCoverage<'_> {
-    /// Returns the visible floor as rectangles of equal level. Every grid point stands for the square around
-    /// it.
+    /// Returns the visible floor as rectangles of the level that the best camera reaches; `None` below all levels.
     #[must_use]
-    pub fn rectangles(&self) -> Vec<LevelRectangle> {
+    pub fn rectangles(&self) -> Vec<FloorRectangle<Option<DensityLevel>>> {
+        self.rectangles_of(|at| self.limits.reached_by(self.coverage.density[at]))
+    }
+
+    /// Returns the visible floor as rectangles in which the grid points have equal values. `value` returns the value
+    /// of a grid point. Every grid point stands for the square around it.
+    #[must_use]
+    pub fn rectangles_of<T: Copy + PartialEq>(&self, value: impl Fn(usize) -> T) -> Vec<FloorRectangle<T>> {
         let half = 0.5 * self.grid.step;
-        let mut done: Vec<LevelRectangle> = Vec::new();
+        let mut done: Vec<FloorRectangle<T>> = Vec::new();
         // Rectangles that end in the previous row, and can be continued.
-        let mut open: Vec<(std::ops::Range<usize>, LevelRectangle)> = Vec::new();
+        let mut open: Vec<(std::ops::Range<usize>, FloorRectangle<T>)> = Vec::new();
         for row in 0..self.grid.rows {
             let mut next = Vec::new();
-            for (columns, level) in self.runs(row) {
+            for (columns, value) in self.runs(row, &value) {
                 let at = |column: usize| self.grid.point(row * self.grid.columns + column);
                 let (first, last) = (at(columns.start), at(columns.end - 1));
                 let high = FloorPoint { x: last.x + half, y: last.y + half };
-                let above = open.iter().position(|(other, own)| *other == columns && own.level == level);
+                let above = open.iter().position(|(other, own)| *other == columns && own.value == value);
                 let low = match above {
                     Some(index) => open.swap_remove(index).1.low,
                     None => FloorPoint { x: first.x - half, y: first.y - half },
                 };
-                next.push((columns, LevelRectangle { level, low, high }));
+                next.push((columns, FloorRectangle { value, low, high }));
             }
             done.extend(std::mem::replace(&mut open, next).into_iter().map(|(_, rectangle)| rectangle));
         }
@@ -88,21 +101,54 @@ impl SiteCoverage<'_> {
         done
     }
 
-    /// Returns the runs of visible points of equal level in a row.
-    fn runs(&self, row: usize) -> Vec<(std::ops::Range<usize>, Option<DensityLevel>)> {
-        let mut runs: Vec<(std::ops::Range<usize>, Option<DensityLevel>)> = Vec::new();
+    /// Returns the runs of visible points of equal value in a row.
+    fn runs<T: Copy + PartialEq>(
+        &self,
+        row: usize,
+        value: &impl Fn(usize) -> T,
+    ) -> Vec<(std::ops::Range<usize>, T)> {
+        let mut runs: Vec<(std::ops::Range<usize>, T)> = Vec::new();
         for column in 0..self.grid.columns {
             let at = row * self.grid.columns + column;
             if self.coverage.seen_by[at] == 0 {
                 continue;
             }
-            let level = DensityLevel::reached_by(self.coverage.density[at]);
+            let value = value(at);
             match runs.last_mut() {
-                Some((range, last)) if range.end == column && *last == level => range.end += 1,
-                _ => runs.push((column..column + 1, level)),
+                Some((range, last)) if range.end == column && *last == value => range.end += 1,
+                _ => runs.push((column..column + 1, value)),
             }
         }
         runs
+    }
+
+    /// Returns the ids of the cameras of a hand-over zone.
+    #[must_use]
+    pub fn ids_of(&self, zone: &HandOver) -> [&str; 2] {
+        zone.cameras.map(|index| self.cameras[index].id.as_str())
+    }
+
+    /// Returns the area of a hand-over zone, in square metres.
+    #[must_use]
+    pub fn area_of(&self, zone: &HandOver) -> f64 {
+        zone.points as f64 * self.grid.step * self.grid.step
+    }
+
+    /// Explains why the disagreement of a hand-over zone is unknown.
+    #[must_use]
+    pub fn unknown_text(&self, why: UnknownDisagreement) -> String {
+        let id = |index: usize| &self.cameras[index].id;
+        match why {
+            UnknownDisagreement::PlacedByHand(index) => {
+                format!("unknown, because \"{}\" is placed by hand", id(index))
+            }
+            UnknownDisagreement::Camera(index) => {
+                format!("unknown, because \"{}\" has errors of unknown size", id(index))
+            }
+            UnknownDisagreement::Correlation => {
+                "unknown, because the solution does not contain the correlation of the cameras".into()
+            }
+        }
     }
 
     /// Returns the visible floor area on which `holds` is true for the index of the grid point, in square
@@ -174,6 +220,12 @@ impl std::fmt::Display for CoverageError {
 impl std::error::Error for CoverageError {}
 
 impl Site {
+    /// Returns the smallest pixel density of each level.
+    #[must_use]
+    pub fn level_limits(&self) -> LevelLimits {
+        self.level_px_per_m.map_or_else(LevelLimits::default, |entry| entry.limits())
+    }
+
     /// Computes the floor points that the cameras see, and their pixel densities.
     ///
     /// A camera sees a target if its foot is in the camera's EFOV, the point at the height is in the image,
@@ -183,6 +235,8 @@ impl Site {
     /// # Errors
     /// If no camera is calibrated, an id has several periods, or the grid has too many points.
     pub fn coverage(&self, options: &CoverageOptions) -> Result<SiteCoverage<'_>, CoverageError> {
+        /// Number of points of a hand-over zone if the options state none.
+        const USUAL_ZONE_POINTS: usize = 100;
         let views: Vec<FloorView<'_>> =
             self.cameras.iter().filter_map(|entry| FloorView::new(self, entry)).collect();
         for (index, view) in views.iter().enumerate() {
@@ -196,9 +250,10 @@ impl Site {
         let cameras: Vec<CoverageCamera<'_>> = used.iter().map(|view| view.for_coverage()).collect();
         let walls: Vec<Wall> = self.walls.iter().map(Wall::from).collect();
         let grid = grid(&cameras, options.step)?;
+        let limits = self.level_limits();
         let areas = self.areas.iter().map(|area| {
             let level = options.level.or(area.level);
-            let density = level.map_or(0.0, DensityLevel::pixels_per_metre);
+            let density = level.map_or(0.0, |level| limits.of(level));
             let required = Requirement { height: options.height, density };
             AreaResult {
                 area,
@@ -207,16 +262,25 @@ impl Site {
             }
         });
         let areas = areas.collect();
-        let densities = DensityLevel::ALL.map(DensityLevel::pixels_per_metre);
+        let coverage = Coverage::new(&cameras, &walls, &grid, options.height);
+        let between = |a: usize, b: usize| {
+            let [a, b] = [used[a], used[b]];
+            let ids = [a.entry.id.as_str(), b.entry.id.as_str()];
+            self.covariance_between(ids, [&a.camera, &b.camera]).map(|covariance| *covariance)
+        };
+        let points = options.points_per_zone.unwrap_or(USUAL_ZONE_POINTS);
+        let hand_overs = coverage.hand_overs(&cameras, &grid, options.height, points, &between);
         let of_used: Vec<&SiteCamera> = used.iter().map(|view| view.entry).collect();
         Ok(SiteCoverage {
             scale_assumed: of_used.iter().copied().filter(|entry| !self.scale_is_known(entry)).collect(),
             cameras: of_used,
             left_out: others.iter().map(|view| view.entry).collect(),
             height: options.height,
-            coverage: Coverage::new(&cameras, &walls, &grid, options.height),
+            coverage,
             areas,
-            reaches: cameras.iter().map(|camera| camera.reaches(&walls, options.height, densities)).collect(),
+            reaches: cameras.iter().map(|camera| camera.reaches(&walls, options.height, limits.0)).collect(),
+            hand_overs,
+            limits,
             grid,
         })
     }

@@ -17,7 +17,7 @@ use crate::scene::PlaneEntry;
 use crate::scene::SceneEntry;
 use crate::site_solution::{ElementSolution, SiteSolution};
 use crate::solution::{DistortionEntry, FailureEntry, Solution, document};
-use crate::survey_entries::{Area, Measurement, WallEntry};
+use crate::survey_entries::{Area, LevelLimitsEntry, Measurement, WallEntry};
 use crate::units::Units;
 
 /// Position of a mark whose file has none.
@@ -289,6 +289,9 @@ document! {
         /// Areas of interest, for the coverage.
         #[serde(default, deserialize_with = "bounds::items", skip_serializing_if = "Vec::is_empty")]
         areas: Vec<Area>,
+        /// Smallest pixel density of each level; the limits of IEC 62676-4 if absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        level_px_per_m: Option<LevelLimitsEntry>,
         /// Measurements in the images.
         #[serde(default, deserialize_with = "bounds::items", skip_serializing_if = "Vec::is_empty")]
         measurements: Vec<Measurement>,
@@ -591,6 +594,7 @@ impl Site {
             planes: Vec::new(),
             walls: Vec::new(),
             areas: Vec::new(),
+            level_px_per_m: None,
             measurements: Vec::new(),
             ground_points: Vec::new(),
             solution: None,

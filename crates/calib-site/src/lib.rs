@@ -133,7 +133,7 @@ mod measurement;
 pub use bounds::{MAX_CAMERAS, MAX_ITEMS};
 pub use check::{MAX_BYTES, MAX_SIDE, MAX_VALUES};
 pub use coordinate_system::{CoordinateSystem, CoordinateSystemError};
-pub use coverage::{AreaResult, CoverageError, CoverageOptions, LevelRectangle, SiteCoverage};
+pub use coverage::{AreaResult, CoverageError, CoverageOptions, FloorRectangle, SiteCoverage};
 pub use data_sheet::Nominal;
 pub use document::{
     ControlPointEntry, Distance, FixedEntry, Format, Georeference, GroundPoint, LensEntry, Link, LinkKind,
@@ -160,6 +160,6 @@ pub use solution::{
     Alternative, CovarianceEntry, DistortionEntry, FailureEntry, Method, Sigmas, Solution, Stage,
     SuggestionEntry, Warning,
 };
-pub use survey_entries::{Area, Measurement, MeasurementKind, MeasurementPoint, WallEntry};
+pub use survey_entries::{Area, LevelLimitsEntry, Measurement, MeasurementKind, MeasurementPoint, WallEntry};
 pub use units::{Units, number};
 pub use view::{CameraViewError, FindingEntry};

@@ -1,7 +1,7 @@
-//! Entries of walls, areas of interest and measurements. They do not influence the calibration.
+//! Entries of walls, areas of interest, density levels and measurements. They do not influence the calibration.
 
 use calib_core::camera::{FloorPoint, Pixel};
-use calib_core::floor::DensityLevel;
+use calib_core::floor::{DensityLevel, LevelLimits};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds;
@@ -32,6 +32,26 @@ document! {
         /// Required level; if absent, the area only needs to be visible.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         level: Option<DensityLevel>,
+    }
+
+    /// Smallest pixel density of each level, in pixels per metre. An absent level has the limit of IEC 62676-4.
+    #[derive(Copy, Default)]
+    struct LevelLimitsEntry {
+        /// Smallest pixel density of the level "monitor".
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        monitor: Option<f64>,
+        /// Smallest pixel density of the level "detect".
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        detect: Option<f64>,
+        /// Smallest pixel density of the level "observe".
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        observe: Option<f64>,
+        /// Smallest pixel density of the level "recognise".
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        recognise: Option<f64>,
+        /// Smallest pixel density of the level "identify".
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        identify: Option<f64>,
     }
 
     /// Measurement in the images. It does not change the calibration; its value is computed when needed.
@@ -111,6 +131,34 @@ impl MeasurementKind {
             Self::Area => "area",
             Self::Speed => "speed",
         }
+    }
+}
+
+impl LevelLimitsEntry {
+    /// Returns the entered limits, in the order of [`DensityLevel::ALL`].
+    #[must_use]
+    pub const fn entered(&self) -> [Option<f64>; DensityLevel::ALL.len()] {
+        [self.monitor, self.detect, self.observe, self.recognise, self.identify]
+    }
+
+    /// Returns the limits of all levels.
+    #[must_use]
+    pub fn limits(&self) -> LevelLimits {
+        let mut limits = LevelLimits::default();
+        for (limit, entered) in limits.0.iter_mut().zip(self.entered()) {
+            *limit = entered.unwrap_or(*limit);
+        }
+        limits
+    }
+}
+
+impl From<LevelLimits> for LevelLimitsEntry {
+    /// Limits that are equal to those of the standard stay absent.
+    fn from(limits: LevelLimits) -> Self {
+        let usual = LevelLimits::default();
+        let own = |level: DensityLevel| Some(limits.of(level)).filter(|limit| *limit != usual.of(level));
+        let [monitor, detect, observe, recognise, identify] = DensityLevel::ALL.map(own);
+        Self { monitor, detect, observe, recognise, identify }
     }
 }
 

@@ -1,13 +1,13 @@
 //! Measured coverage: on the floor plan, the visible floor coloured by its pixel density, with a legend of the area of
 //! each level and the density under the pointer; in the images, the borders of the levels.
 
-use calib_report::{level_colour, level_text};
+use calib_report::level_colour;
 use calib_site::Site;
 use egui::{Align2, Color32, ComboBox, Frame, Mesh, Painter, Pos2, Rect, RichText, Shape, Stroke, Ui, Vec2};
 
 use crate::canvas::Mapping;
-use crate::paint::{Pen, line, tag};
-use crate::state::{App, Computed, ShownBorder, ShownCoverage};
+use crate::paint::{Pen, handle, line, tag};
+use crate::state::{App, Computed, Shading, ShownBorder, ShownCoverage};
 use crate::theme::{self, colour, on_image};
 use crate::widgets::{decimals, number};
 
@@ -38,7 +38,7 @@ pub(crate) fn paint_coverage(
     let mut mesh = Mesh::default();
     for rectangle in found.into_iter().flat_map(|found| &found.rectangles) {
         let base = mesh.vertices.len() as u32;
-        let fill = colour(level_colour(rectangle.level)).gamma_multiply(OPACITY);
+        let fill = colour(rectangle.value).gamma_multiply(OPACITY);
         for corner in rectangle.corners() {
             mesh.colored_vertex(mapping.screen(corner.into()), fill);
         }
@@ -47,6 +47,13 @@ pub(crate) fn paint_coverage(
     }
     painter.add(Shape::mesh(mesh));
     paint_survey(site, found, painter, mapping);
+    let pointed = shown.and_then(|shown| shown.pointed).zip(found);
+    if let Some(zone) = pointed.and_then(|(index, found)| found.hand_overs.get(index)) {
+        let at = mapping.screen(zone.middle.into());
+        let text = zone.cameras.join(" \u{2013} ");
+        handle(painter, at, on_image::WAITING);
+        tag(painter, at + Vec2::new(0.0, 14.0), Align2::CENTER_TOP, &text, on_image::WHITE);
+    }
 }
 
 /// Paints the borders of the levels in the image of a camera, if the coverage is shown. Nothing is painted while the
@@ -63,8 +70,8 @@ pub(crate) fn paint_borders(
     let is_shown = app.view.coverage && !app.view.layers.hidden && session.solved.scale_is_known(camera);
     let pose = session.solved.pose(camera).copied().filter(|_| is_shown);
     let Some((pose, entry)) = pose.zip(session.site.cameras.get(camera)) else { return Vec::new() };
-    let (units, size) = (session.site.units, entry.size());
-    let borders = app.coverage.get_or_insert_default().borders(camera, &pose, size);
+    let (units, size, limits) = (session.site.units, entry.size(), session.site.level_limits());
+    let borders = app.coverage.get_or_insert_default().borders(camera, &pose, size, limits);
     for border in borders.iter().map(|shown| &shown.border) {
         let paths: Vec<Vec<Pos2>> = border.segments.iter().map(|ends| mapping.path(ends)).collect();
         for pen in [Pen::new(on_image::WHITE, 4.0), Pen::new(colour(level_colour(Some(border.level))), 2.0)] {
@@ -78,7 +85,7 @@ pub(crate) fn paint_borders(
             let sigma = sigma / units.metres();
             format!(", border \u{b1} {} {}", number(sigma, decimals(sigma)), units.symbol())
         });
-        let text = format!("{}: {} px/m{sigma}", level.name(), level.pixels_per_metre());
+        let text = format!("{}: {} px/m{sigma}", level.name(), limits.of(level));
         Some((mapping.screen(pixel.into()), text))
     };
     borders.iter().filter_map(label).collect()
@@ -139,13 +146,12 @@ pub(crate) fn legend_ui(app: &mut App, ui: &mut Ui, rect: Rect) -> Option<Rect> 
                     return;
                 }
             };
-            for (level, area) in &found.areas {
+            for (fill, text, area) in &found.legend {
                 ui.horizontal(|ui| {
                     let (sample, _) = ui.allocate_exact_size(Vec2::splat(10.0), egui::Sense::hover());
                     let stroke = Stroke::new(0.5, palette.text3);
-                    let fill = colour(level_colour(*level));
-                    ui.painter().rect(sample, 1.0, fill, stroke, egui::StrokeKind::Inside);
-                    ui.label(RichText::new(level_text(*level)).small());
+                    ui.painter().rect(sample, 1.0, colour(*fill), stroke, egui::StrokeKind::Inside);
+                    ui.label(RichText::new(text).small());
                     ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                         let size = area / units.metres().powi(2);
                         let text = format!("{size:.0} {}\u{b2}", units.symbol());
@@ -171,9 +177,26 @@ fn target_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let units = app.editor.session().site.units;
     let Some(shown) = &mut app.coverage else { return };
+    ui.horizontal(|ui| {
+        let label = ui.label(RichText::new("Colours").small().color(palette.text2));
+        let name = |shading: Shading| match shading {
+            Shading::Level => "pixel density",
+            Shading::Cameras => "number of cameras",
+        };
+        ComboBox::from_id_salt("coverage colours")
+            .selected_text(RichText::new(name(shown.shading)).small())
+            .width(120.0)
+            .show_ui(ui, |ui| {
+                for shading in [Shading::Level, Shading::Cameras] {
+                    ui.selectable_value(&mut shown.shading, shading, name(shading));
+                }
+            })
+            .response
+            .labelled_by(label.id);
+    });
     let now = shown.height;
     ui.horizontal(|ui| {
-        let label = ui.label(RichText::new("Pixel density for").small().color(palette.text2));
+        let label = ui.label(RichText::new("Targets").small().color(palette.text2));
         let named = |(name, _): &Target| (*name).to_owned();
         let chosen = TARGETS.iter().find(|(_, height)| *height == now).map_or_else(String::new, named);
         ComboBox::from_id_salt("coverage targets")

@@ -2,9 +2,9 @@
 //! attract the pointer.
 
 use calib_core::PlanPixel;
-use calib_editor::{TOOLS, plan_scale};
-use calib_plan::{DrawingFacts, DrawingKind};
-use calib_site::Plan;
+use calib_editor::{Action, TOOLS, plan_scale};
+use calib_plan::{DrawingFacts, DrawingKind, Layer};
+use calib_site::{Plan, WallEntry, counted};
 use egui::{ComboBox, DragValue, RichText, ScrollArea, Ui};
 
 use crate::state::App;
@@ -119,6 +119,66 @@ fn layers(ui: &mut Ui, drawing: &DrawingFacts, plan: &mut Plan) -> Option<&'stat
         });
     });
     changed
+}
+
+/// Shows a menu with the shown layers of a DXF, whose straight lines become walls for the coverage.
+#[inline(never)]
+pub(crate) fn walls_menu(app: &mut App, ui: &mut Ui) {
+    let drawing = app.plan_picture().and_then(|picture| picture.drawing.as_ref());
+    let layers: Vec<&Layer> = drawing
+        .into_iter()
+        .flat_map(|drawing| &drawing.layers)
+        .filter(|layer| !layer.lines_px.is_empty())
+        .collect();
+    let states_unit = drawing.is_none_or(|drawing| drawing.metres_per_px.is_some());
+    if layers.is_empty() {
+        return;
+    }
+    let mut chosen = None;
+    let menu = ui.menu_button("Walls of a layer", |ui| {
+        for layer in layers {
+            let lines = counted(layer.lines_px.len(), "line", "lines");
+            if ui.button(format!("{} ({lines})", layer.name)).clicked() {
+                chosen = Some(layer.clone());
+            }
+        }
+    });
+    menu.response.on_hover_text("The straight lines of a shown layer become walls, which block the view");
+    if let Some(layer) = chosen {
+        add_walls(app, &layer, states_unit);
+    }
+}
+
+/// Adds the straight lines of a layer as walls. `states_unit`: the drawing states its unit.
+fn add_walls(app: &mut App, layer: &Layer, states_unit: bool) {
+    let mut site = app.editor.site().clone();
+    let scale = plan_scale(&site);
+    let floor = |end: [f32; 2]| scale.floor_from_plan(PlanPixel::from(end.map(f64::from)));
+    let walls = layer.lines_px.iter().map(|line| line.map(floor));
+    let [added, short] =
+        site.add_walls(walls.map(|[from_m, to_m]| WallEntry { from_m, to_m, height_m: None }));
+    if let Err(error) = site.check() {
+        app.send(Action::AddError(format!("The layer {} was not added: {error}", layer.name)));
+        return;
+    }
+    let left_out = [(layer.other_lines, "curve", "curves"), (short, "line below 0.1 m", "lines below 0.1 m")];
+    let left_out: Vec<String> = left_out
+        .into_iter()
+        .filter(|(count, ..)| *count > 0)
+        .map(|(n, one, more)| counted(n, one, more))
+        .collect();
+    let mut note = format!("{} added from {}.", counted(added, "wall", "walls"), layer.name);
+    if !left_out.is_empty() {
+        note.push_str(&format!(" Left out: {}.", left_out.join(", ")));
+    }
+    if !states_unit {
+        note.push_str(" The drawing states no unit: check the scale of the plan first.");
+    }
+    if added > 0 {
+        let name = format!("add the walls of {}", layer.name);
+        app.send(Action::Change { site: Box::new(site), name });
+    }
+    app.send(Action::Note(note));
 }
 
 /// Returns the corner of the drawing within `radius` metres of a point of the plan, in metres, if the current tool

@@ -1,11 +1,12 @@
-//! Panel with the areas of interest and the walls of the site, while the coverage is shown.
+//! Panels of the coverage: areas of interest, walls, limits of the levels, and hand-over zones.
 
-use calib_core::floor::DensityLevel;
+use calib_core::floor::{DensityLevel, LevelLimits};
 use calib_editor::{Action, TOOLS};
-use calib_site::{Area, Site, WallEntry};
-use egui::{ComboBox, RichText, Ui, Vec2};
+use calib_site::{Area, LevelLimitsEntry, Site, WallEntry};
+use egui::{ComboBox, RichText, ScrollArea, Ui, Vec2};
 
 use crate::icons::{self, Icon, Look};
+use crate::plan::drawing_fields::walls_menu;
 use crate::state::App;
 use crate::theme;
 use crate::widgets::{entered_text, heading, length_field};
@@ -28,6 +29,84 @@ pub(crate) fn survey_ui(app: &mut App, ui: &mut Ui) {
             if ui.button(text).on_hover_text(tip).clicked() {
                 tool.into_iter().for_each(|tool| app.send(Action::SelectTool(tool)));
             }
+        }
+    });
+    walls_menu(app, ui);
+    limits_ui(app, ui);
+}
+
+/// Shows the hand-over zones, while the coverage is shown.
+pub(crate) fn hand_overs_ui(app: &mut App, ui: &mut Ui) {
+    /// Largest height of the list, in points.
+    const MAX_HEIGHT: f32 = 220.0;
+    let palette = theme::palette(ui.ctx());
+    let units = app.editor.site().units;
+    let Some(shown) = &mut app.coverage else { return };
+    let Some(found) = shown.result.as_ref().ok().filter(|found| !found.hand_overs.is_empty()) else { return };
+    let mut pointed = None;
+    let tip = "Floor that two cameras see. The expected disagreement is the RMS distance between the positions that \
+               both compute for one target. The errors of a detector come in addition";
+    heading(ui, "Hand-over zones", "expected disagreement");
+    let row_height = 2.0 * ui.text_style_height(&egui::TextStyle::Body) + 6.0;
+    ScrollArea::vertical().id_salt("hand-over zones").max_height(MAX_HEIGHT).show_rows(
+        ui,
+        row_height,
+        found.hand_overs.len(),
+        |ui, rows| {
+            for index in rows {
+                let zone = &found.hand_overs[index];
+                let row = ui.scope(|ui| {
+                    ui.set_height(row_height);
+                    ui.spacing_mut().item_spacing.y = 0.0;
+                    ui.horizontal(|ui| {
+                        ui.label(RichText::new(zone.cameras.join(" \u{2013} ")).color(palette.text));
+                        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                            let size = zone.area / units.metres().powi(2);
+                            let text = format!("{size:.1} {}\u{b2}", units.symbol());
+                            ui.label(RichText::new(text).color(palette.text2));
+                        });
+                    });
+                    ui.add(
+                        egui::Label::new(RichText::new(&zone.disagreement).small().color(palette.text2))
+                            .truncate(),
+                    );
+                });
+                if row.response.on_hover_text(tip).hovered() {
+                    pointed = Some(index);
+                }
+            }
+        },
+    );
+    shown.pointed = pointed;
+}
+
+/// Shows the limits of the levels. A change is sent when the operator has entered a number.
+fn limits_ui(app: &mut App, ui: &mut Ui) {
+    let limits = app.editor.site().level_limits();
+    egui::CollapsingHeader::new("Limits of the levels").id_salt("limits of the levels").show(ui, |ui| {
+        let palette = theme::palette(ui.ctx());
+        let mut changed = None;
+        for (index, level) in DensityLevel::ALL.into_iter().enumerate() {
+            let below = index.checked_sub(1).map_or(0.1, |lower| limits.0[lower] + 0.1);
+            let above = limits.0.get(index + 1).map_or(10_000.0, |upper| upper - 0.1);
+            let mut limit = limits.of(level);
+            ui.horizontal(|ui| {
+                let label = ui.label(RichText::new(level.name()).color(palette.text2));
+                let field = egui::DragValue::new(&mut limit).speed(0.5).range(below..=above).max_decimals(1);
+                let field = field.clamp_existing_to_range(false).suffix(" px/m").update_while_editing(false);
+                if ui.add(field).labelled_by(label.id).changed() {
+                    changed = Some((level, limit));
+                }
+            });
+        }
+        if limits != LevelLimits::default() && ui.button("Use the limits of EN 62676-4").clicked() {
+            change(app, "use the limits of EN 62676-4".into(), |site| site.level_px_per_m = None);
+        }
+        if let Some((level, limit)) = changed {
+            let mut limits = limits;
+            limits.0[level as usize] = limit;
+            let entry = (limits != LevelLimits::default()).then(|| LevelLimitsEntry::from(limits));
+            change(app, format!("change the limit of {}", level.name()), |site| site.level_px_per_m = entry);
         }
     });
 }

@@ -172,6 +172,7 @@ fn right(app: &mut App, ui: &mut Ui) {
                 points_ui(app, ui);
             }
             Mode::All | Mode::Scene => {
+                surveyed(app, ui);
                 section(ui, |ui| warnings::health_ui(app, ui));
                 section(ui, |ui| links::marks_ui(app, ui));
                 section(ui, |ui| {
@@ -187,10 +188,14 @@ fn right(app: &mut App, ui: &mut Ui) {
     });
 }
 
-/// Shows areas of interest and walls while the coverage is shown.
+/// Shows areas of interest, walls and hand-over zones while the coverage is shown.
 fn surveyed(app: &mut App, ui: &mut Ui) {
-    if app.view.coverage {
+    if app.view.coverage && app.view.mode != Mode::All {
         section(ui, |ui| survey::survey_ui(app, ui));
+        let found = app.coverage.as_ref().and_then(|shown| shown.result.as_ref().ok());
+        if found.is_some_and(|found| !found.hand_overs.is_empty()) {
+            section(ui, |ui| survey::hand_overs_ui(app, ui));
+        }
     }
 }
 

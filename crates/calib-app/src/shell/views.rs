@@ -6,6 +6,7 @@ use egui::{Align2, Rect, ScrollArea, Sense, Stroke, Ui, Vec2};
 use crate::command::Command;
 use crate::paint::chip;
 use crate::pane;
+use crate::plan::coverage::{legend_ui, update_coverage};
 use crate::scene3d;
 use crate::shell::cameras;
 use crate::state::{App, Looking, Mode, Orbit, Place};
@@ -51,7 +52,8 @@ pub fn views_ui(app: &mut App, ui: &mut Ui) {
         Mode::All => all_cameras(app, ui, rect),
         Mode::Scene => {
             let right = image_beside(app, ui, rect, app.view.beside_scene);
-            scene(app, ui, right);
+            header(app, ui, right.with_max_y(right.top() + HEADER_HEIGHT), "3-D", &[Command::Coverage]);
+            scene(app, ui, right.with_min_y(right.top() + HEADER_HEIGHT));
         }
     }
 }
@@ -258,6 +260,9 @@ fn columns(count: usize, rect: Rect) -> usize {
 /// Shows the 3-D scene.
 fn scene(app: &mut App, ui: &mut Ui, rect: Rect) {
     app.ask_for_plan(ui.ctx());
+    if app.view.coverage {
+        update_coverage(app);
+    }
     let response = ui.interact(rect, ui.scope_id().with("scene"), Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "Scene"));
     let mut orbit = app.view.orbit.unwrap_or_else(|| Orbit::of(app.editor.session()));
@@ -287,14 +292,18 @@ fn scene(app: &mut App, ui: &mut Ui, rect: Rect) {
     painter.rect_filled(rect, 0.0, palette.canvas);
     let plan = app.plan_picture().map(|picture| (picture.overview.id(), picture.size()));
     let shown = (app.editor.session(), app.ellipse_size());
-    scene3d::paint(&painter, rect, (&orbit, ui.visuals().dark_mode), shown, plan);
+    let coverage = app.coverage.as_ref().filter(|_| app.view.coverage);
+    scene3d::paint(&painter, rect, (&orbit, ui.visuals().dark_mode), shown, plan, coverage);
     let text = "Drag: orbit.  Shift and drag: pan.  Wheel: zoom.  Click a camera to select it.";
     painter.text(
-        rect.left_top() + Vec2::new(12.0, 12.0),
-        Align2::LEFT_TOP,
+        rect.left_bottom() + Vec2::new(12.0, -12.0),
+        Align2::LEFT_BOTTOM,
         text,
         theme::regular(11.0),
         palette.text2,
     );
+    if app.view.coverage {
+        legend_ui(app, ui, rect);
+    }
     app.view.orbit = Some(orbit);
 }

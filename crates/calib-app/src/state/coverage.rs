@@ -1,16 +1,31 @@
 //! Coverage that the plan shows: the pixel density of the visible floor, computed when its inputs change.
 
-use calib_core::floor::{DensityBorder, DensityLevel, FloorGrid};
+use calib_core::floor::{DensityBorder, DensityLevel, FloorGrid, LevelLimits};
 use calib_core::{Camera, FloorPoint, Pixel, WorldPoint};
+use calib_draw::Rgb;
 use calib_editor::Session;
-use calib_report::levels;
-use calib_site::{CoverageOptions, LevelRectangle, Site, SiteCamera};
+use calib_report::{count_colour, hand_over_text, level_colour, level_text, levels};
+use calib_site::{CoverageOptions, FloorRectangle, Site, SiteCamera, SiteCoverage, counted};
+
+/// Quantity by which the floor is coloured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Shading {
+    /// Level that the best camera reaches.
+    #[default]
+    Level,
+    /// Number of cameras.
+    Cameras,
+}
 
 /// Coverage that is shown, kept until its inputs change.
 #[derive(Debug)]
 pub struct ShownCoverage {
     /// Height of the targets above the floor, in metres.
     pub(crate) height: f64,
+    /// Quantity by which the floor is coloured.
+    pub(crate) shading: Shading,
+    /// Index of the hand-over zone under the pointer in the panel.
+    pub(crate) pointed: Option<usize>,
     inputs: Option<Inputs>,
     pub(crate) result: Result<Computed, String>,
     /// Borders of the levels in the images that are shown.
@@ -23,8 +38,8 @@ struct ImageBorders {
     /// Index of the camera.
     camera: usize,
     /// Camera above world (0, 0) with yaw 0, size of its image, and height of the targets, from which the borders were
-    /// computed.
-    inputs: (Camera, [f64; 2], f64),
+    /// computed, and limits of the levels.
+    inputs: (Camera, [f64; 2], f64, LevelLimits),
     borders: Vec<ShownBorder>,
 }
 
@@ -39,11 +54,11 @@ pub(crate) struct ShownBorder {
 
 impl ShownBorder {
     /// Places the label at the pixel of the border that is nearest to the middle of the image's `width`.
-    fn new(border: DensityBorder, pose: &Camera, width: f64, height: f64) -> Self {
+    fn new(border: DensityBorder, pose: &Camera, limits: &LevelLimits, width: f64, height: f64) -> Self {
         /// Largest difference from the limit of the level, as a share: beyond it, the pixel is on the edge of the
         /// visible floor.
         const MAX_DIFFERENCE: f64 = 0.01;
-        let limit = border.level.pixels_per_metre();
+        let limit = limits.of(border.level);
         let target = |pixel: Pixel| {
             let point = pose.pixel_to_floor(pixel, height)?.at_height(height);
             let is_limit = (pose.pixel_density(point)? / limit - 1.0).abs() < MAX_DIFFERENCE;
@@ -58,7 +73,14 @@ impl ShownBorder {
 
 impl Default for ShownCoverage {
     fn default() -> Self {
-        Self { height: 0.0, inputs: None, result: Ok(Computed::default()), in_images: Vec::new() }
+        Self {
+            height: 0.0,
+            shading: Shading::Level,
+            pointed: None,
+            inputs: None,
+            result: Ok(Computed::default()),
+            in_images: Vec::new(),
+        }
     }
 }
 
@@ -70,26 +92,44 @@ struct Inputs {
     /// Generation of the site, which contains its walls, areas and ids.
     generation: u64,
     height: f64,
+    shading: Shading,
 }
 
 /// Coverage of a site, without references to it.
 #[derive(Debug)]
 pub(crate) struct Computed {
-    pub(crate) rectangles: Vec<LevelRectangle>,
+    /// Coloured rectangles of the visible floor.
+    pub(crate) rectangles: Vec<FloorRectangle<Rgb>>,
     grid: FloorGrid,
     density: Vec<f64>,
     best: Vec<Option<usize>>,
     seen_by: Vec<usize>,
     /// Ids of the cameras of `best`.
     cameras: Vec<String>,
-    /// Visible floor of each level, in square metres.
-    pub(crate) areas: Vec<(Option<DensityLevel>, f64)>,
+    pub(crate) limits: LevelLimits,
+    /// Hand-over zones, the largest first.
+    pub(crate) hand_overs: Vec<ShownHandOver>,
+    /// Entries of the legend: colour, text, and visible floor in square metres.
+    pub(crate) legend: Vec<(Rgb, String, f64)>,
     /// Ids of cameras that are left out, because they have no position relative to the others.
     pub(crate) left_out: Vec<String>,
     /// Ids of cameras whose scale is assumed.
     pub(crate) assumed: Vec<String>,
     /// Areas of interest, and whether each reaches its level.
     pub(crate) results: Vec<(String, bool)>,
+}
+
+/// Floor that two cameras see.
+#[derive(Debug)]
+pub(crate) struct ShownHandOver {
+    /// Ids of the cameras.
+    pub(crate) cameras: [String; 2],
+    /// Floor that both cameras see, in square metres.
+    pub(crate) area: f64,
+    /// Point in the middle of the zone.
+    pub(crate) middle: FloorPoint,
+    /// Expected disagreement, or why it is unknown.
+    pub(crate) disagreement: String,
 }
 
 impl Default for Computed {
@@ -101,7 +141,9 @@ impl Default for Computed {
             best: Vec::new(),
             seen_by: Vec::new(),
             cameras: Vec::new(),
-            areas: Vec::new(),
+            limits: LevelLimits::default(),
+            hand_overs: Vec::new(),
+            legend: Vec::new(),
             left_out: Vec::new(),
             assumed: Vec::new(),
             results: Vec::new(),
@@ -110,7 +152,7 @@ impl Default for Computed {
 }
 
 impl Inputs {
-    fn new(session: &Session, height: f64) -> Self {
+    fn new(session: &Session, height: f64, shading: Shading) -> Self {
         let camera = |index: usize| {
             let (pose, solution) = (session.solved.pose(index)?, session.solved.solution(index)?);
             (!session.site.is_superseded(index)).then(|| (*pose, solution.efov_m.clone()))
@@ -119,6 +161,7 @@ impl Inputs {
             cameras: (0..session.site.cameras.len()).filter_map(camera).collect(),
             generation: session.revision.generation,
             height,
+            shading,
         }
     }
 }
@@ -151,22 +194,33 @@ impl Computed {
             index += 1;
             !superseded[index - 1]
         });
-        let options =
-            CoverageOptions { height: inputs.height, step: inputs.step(), ..CoverageOptions::default() };
+        let options = CoverageOptions {
+            height: inputs.height,
+            step: inputs.step(),
+            points_per_zone: Some(25),
+            level: None,
+        };
         let found = site.coverage(&options).map_err(|error| error.to_string())?;
         let ids = |cameras: &[&SiteCamera]| cameras.iter().map(|camera| camera.id.clone()).collect();
-        let reached = |at: usize| DensityLevel::reached_by(found.coverage.density[at]);
-        let areas = levels().map(|level| (level, found.visible_area(|at| reached(at) == level))).collect();
+        let (rectangles, legend) = coloured(&found, inputs.shading);
         let results = found.areas.iter().map(|result| {
             (result.area.name.clone().unwrap_or_else(|| result.area.id.clone()), result.is_met())
         });
+        let hand_overs = found.hand_overs.iter().map(|zone| ShownHandOver {
+            cameras: found.ids_of(zone).map(str::to_owned),
+            area: found.area_of(zone),
+            middle: zone.middle,
+            disagreement: hand_over_text(&found, zone, session.site.units),
+        });
         Ok(Self {
-            rectangles: found.rectangles(),
-            areas,
+            rectangles,
+            legend,
             results: results.collect(),
             left_out: ids(&found.left_out),
             assumed: ids(&found.scale_assumed),
             cameras: ids(&found.cameras),
+            limits: found.limits,
+            hand_overs: hand_overs.collect(),
             grid: found.grid,
             density: found.coverage.density,
             best: found.coverage.best,
@@ -183,10 +237,40 @@ impl Computed {
     }
 }
 
+/// Returns the coloured rectangles of the visible floor, and the entries of the legend.
+fn coloured(
+    found: &SiteCoverage<'_>,
+    shading: Shading,
+) -> (Vec<FloorRectangle<Rgb>>, Vec<(Rgb, String, f64)>) {
+    let coverage = &found.coverage;
+    match shading {
+        Shading::Level => {
+            let reached = |at: usize| found.limits.reached_by(coverage.density[at]);
+            let entry = |level| {
+                let text = level_text(level, &found.limits);
+                (level_colour(level), text, found.visible_area(|at| reached(at) == level))
+            };
+            let legend = levels().map(entry).collect();
+            (found.rectangles_of(|at| level_colour(reached(at))), legend)
+        }
+        Shading::Cameras => {
+            let most = DensityLevel::ALL.len();
+            let seen = |at: usize| coverage.seen_by[at].min(most);
+            let entry = |count: usize| {
+                let or_more = if count == most { " or more" } else { "" };
+                let text = format!("{}{or_more}", counted(count, "camera", "cameras"));
+                (count_colour(count), text, found.visible_area(|at| seen(at) == count))
+            };
+            let legend = (1..=most).map(entry).collect();
+            (found.rectangles_of(|at| count_colour(seen(at))), legend)
+        }
+    }
+}
+
 impl ShownCoverage {
     /// Computes the coverage again if its inputs have changed.
     pub(crate) fn update(&mut self, session: &Session) {
-        let inputs = Inputs::new(session, self.height);
+        let inputs = Inputs::new(session, self.height, self.shading);
         if self.inputs.as_ref() != Some(&inputs) {
             self.result = Computed::new(session, &inputs);
             self.inputs = Some(inputs);
@@ -195,10 +279,16 @@ impl ShownCoverage {
 
     /// Returns the borders of the levels in the image of a camera, computed when its angles, its height or its lens
     /// change.
-    pub(crate) fn borders(&mut self, camera: usize, pose: &Camera, size: [f64; 2]) -> &[ShownBorder] {
+    pub(crate) fn borders(
+        &mut self,
+        camera: usize,
+        pose: &Camera,
+        size: [f64; 2],
+        limits: LevelLimits,
+    ) -> &[ShownBorder] {
         // Moving or turning a camera on the plan changes neither its borders nor their standard deviations.
         let below = WorldPoint { x: 0.0, y: 0.0, ..pose.position };
-        let inputs = (Camera { position: below, yaw: 0.0, ..*pose }, size, self.height);
+        let inputs = (Camera { position: below, yaw: 0.0, ..*pose }, size, self.height, limits);
         let known = self.in_images.iter().position(|known| known.camera == camera);
         let index = known.unwrap_or_else(|| {
             self.in_images.push(ImageBorders { camera, inputs, borders: Vec::new() });
@@ -206,8 +296,8 @@ impl ShownCoverage {
         });
         let known_inputs = known.map(|index| self.in_images[index].inputs);
         if known_inputs != Some(inputs) {
-            let borders = pose.density_borders(size, self.height).into_iter();
-            let shown = borders.map(|border| ShownBorder::new(border, pose, size[0], self.height));
+            let borders = pose.density_borders(size, self.height, &limits).into_iter();
+            let shown = borders.map(|border| ShownBorder::new(border, pose, &limits, size[0], self.height));
             self.in_images[index] = ImageBorders { camera, inputs, borders: shown.collect() };
         }
         &self.in_images[index].borders
@@ -219,7 +309,7 @@ impl ShownCoverage {
         let index = found.nearest(at)?;
         let Some(best) = found.best[index] else { return Some("not visible".into()) };
         let density = found.density[index];
-        let level = DensityLevel::reached_by(density).map_or("below all levels", DensityLevel::name);
+        let level = found.limits.reached_by(density).map_or("below all levels", DensityLevel::name);
         let camera = found.cameras.get(best).map_or("", String::as_str);
         let more = match found.seen_by[index] {
             1 => String::new(),

@@ -15,7 +15,7 @@ pub use app::{App, Dialogs, Hover, Jobs, Storage, ViewState};
 pub(crate) use comparing::{Comparing, Recovering};
 pub(crate) use coverage::Computed;
 pub(crate) use coverage::ShownBorder;
-pub use coverage::ShownCoverage;
+pub use coverage::{Shading, ShownCoverage};
 pub use export::Sheet;
 pub use files::{Conflict, Decision, Outside, PathField, Why};
 pub(crate) use files::{Planning, Read, ReadPicture};

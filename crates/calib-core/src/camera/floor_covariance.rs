@@ -110,7 +110,15 @@ impl Camera {
     /// Returns `None` if the pixel shows no floor point.
     #[must_use]
     pub fn floor_jacobian(&self, pixel: Pixel) -> Option<[[f64; 2]; Covariance::SIZE]> {
-        Some(PlaneJacobian::new(self, pixel, Plane::FLOOR)?.by_estimated())
+        self.plane_jacobian(pixel, 0.0)
+    }
+
+    /// Returns the derivatives of [`Self::floor_jacobian`] for the point of the pixel at `height` metres.
+    ///
+    /// Returns `None` if the pixel shows no point at this height.
+    #[must_use]
+    pub fn plane_jacobian(&self, pixel: Pixel, height: f64) -> Option<[[f64; 2]; Covariance::SIZE]> {
+        Some(PlaneJacobian::new(self, pixel, Plane::level(height))?.by_estimated())
     }
 
     /// Returns the derivatives of the floor point of a pixel with respect to the pixel and to all camera

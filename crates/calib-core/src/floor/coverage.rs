@@ -4,6 +4,7 @@
 //! camera's EFOV, the point at the height is in the image, and no wall crosses the line of sight to it.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use crate::camera::{Camera, FloorPoint, WorldPoint};
 use crate::floor::extent::Extent;
@@ -141,7 +142,7 @@ impl FloorGrid {
     }
 
     /// Returns the columns of the points of a row that are inside a polygon (even-odd rule), as ranges.
-    fn columns_inside(&self, polygon: &[FloorPoint], row: usize) -> Vec<std::ops::Range<usize>> {
+    fn columns_inside(&self, polygon: &[FloorPoint], row: usize) -> Vec<Range<usize>> {
         let y = self.y(row);
         let edges = polygon.iter().zip(polygon.iter().cycle().skip(1));
         let mut crossings: Vec<f64> = edges
@@ -325,6 +326,8 @@ pub struct Coverage {
     pub best: Vec<Option<usize>>,
     /// Number of cameras that see the target.
     pub seen_by: Vec<usize>,
+    /// For every camera, the runs of points that it sees, in ascending order.
+    pub visible: Vec<Vec<Range<usize>>>,
 }
 
 impl Coverage {
@@ -335,6 +338,7 @@ impl Coverage {
             density: vec![0.0; grid.len()],
             best: vec![None; grid.len()],
             seen_by: vec![0; grid.len()],
+            visible: vec![Vec::new(); cameras.len()],
         };
         for (index, camera) in cameras.iter().enumerate() {
             coverage.add(index, camera, walls, grid, height);
@@ -353,6 +357,10 @@ impl Coverage {
         let around = WallsAround::new(camera.camera.position, walls, camera.extent.efov);
         camera.each_visible(&around, grid, height, |at, density| {
             self.seen_by[at] += 1;
+            match self.visible[index].last_mut() {
+                Some(run) if run.end == at => run.end += 1,
+                _ => self.visible[index].push(at..at + 1),
+            }
             if self.best[at].is_none() || density > self.density[at] {
                 (self.density[at], self.best[at]) = (density, Some(index));
             }

@@ -8,7 +8,7 @@
 //! p, the border `D = constant` moves along the gradient of D by `-dD / |grad D|` for a change `dD` at fixed X (implicit
 //! function theorem). To first order, its standard deviation is therefore `sigma_D / |grad D|`.
 
-use super::pixel_density::DensityLevel;
+use super::pixel_density::{DensityLevel, LevelLimits};
 use crate::camera::{Camera, Pixel, WorldPoint};
 
 /// Number of cells of the grid across and down the image. A cell of 1920 x 1080 pixels is 30 pixels wide.
@@ -30,7 +30,12 @@ impl Camera {
     /// Returns the borders of the density levels of vertical targets whose lower end is `target_height` metres above
     /// the floor, in an image of this width and height in pixels. Levels without a border are left out.
     #[must_use]
-    pub fn density_borders(&self, [width, height]: [f64; 2], target_height: f64) -> Vec<DensityBorder> {
+    pub fn density_borders(
+        &self,
+        [width, height]: [f64; 2],
+        target_height: f64,
+        limits: &LevelLimits,
+    ) -> Vec<DensityBorder> {
         let density = |pixel: Pixel| {
             let point = self.pixel_to_floor(pixel, target_height);
             point.and_then(|point| self.pixel_density(point.at_height(target_height))).unwrap_or(0.0)
@@ -43,7 +48,7 @@ impl Camera {
         let densities: Vec<f64> =
             (0..columns * (CELLS[1] + 1)).map(|i| density(corner(i % columns, i / columns))).collect();
         let border = |level: DensityLevel| {
-            let limit = level.pixels_per_metre();
+            let limit = limits.of(level);
             let mut segments = Vec::new();
             for cell in 0..CELLS[0] * CELLS[1] {
                 let (column, row) = (cell % CELLS[0], cell / CELLS[0]);
@@ -104,8 +109,8 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(48))]
         #[test]
         fn density_on_a_border_is_its_limit(camera in any_camera(), height in 0.0..1.6_f64) {
-            for border in camera.density_borders([1920.0, 1080.0], height) {
-                let limit = border.level.pixels_per_metre();
+            for border in camera.density_borders([1920.0, 1080.0], height, &LevelLimits::default()) {
+                let limit = LevelLimits::default().of(border.level);
                 for pixel in border.segments.into_iter().flatten() {
                     // The border can be the edge of the visible floor.
                     let near = |du: f64, dv: f64| {

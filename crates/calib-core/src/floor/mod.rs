@@ -21,6 +21,7 @@
 //! - `density_border`: the borders of the density levels in an image, with standard deviations.
 //! - `coverage`: visible floor, blind spots and walls of a group of cameras.
 //! - `ruler`: **lengths, areas and heights with their standard deviations**.
+//! - `hand_over`: floor that two cameras see, with the expected disagreement of their positions.
 //! - `tangent_plane`: geographic coordinates of the site;
 //! - `georeference`: georeference from points with both coordinates.
 //! - `window`: **perspective and cylindrical views in any direction within a lens**.
@@ -43,6 +44,7 @@ mod pixel_density;
 mod density_border;
 mod coverage;
 mod ruler;
+mod hand_over;
 mod tangent_plane;
 mod georeference;
 mod window;
@@ -54,8 +56,9 @@ pub use detection_box::BoxForm;
 pub use efov::{Efov, default_efov, efov_on_floor, efov_on_plane};
 pub use extent::{Extent, Status};
 pub use georeference::{GeographicPair, GeoreferenceFit, georeference_covariance};
+pub use hand_over::{Disagreement, HandOver, UnknownDisagreement};
 pub use image_curve::{FloorLine, annotated_line_curve, horizon, in_front, line_extension, on_image};
-pub use pixel_density::DensityLevel;
+pub use pixel_density::{DensityLevel, LevelLimits};
 pub use placement::{Placement, STAGE_1_HEIGHT};
 pub use point_projector::PointProjector;
 pub use projector::FloorProjector;

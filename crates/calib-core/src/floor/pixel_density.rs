@@ -30,18 +30,6 @@ impl DensityLevel {
     /// All levels, from the smallest density to the largest.
     pub const ALL: [Self; 5] = [Self::Monitor, Self::Detect, Self::Observe, Self::Recognise, Self::Identify];
 
-    /// Returns the smallest pixel density of the level, in pixels per metre.
-    #[must_use]
-    pub const fn pixels_per_metre(self) -> f64 {
-        match self {
-            Self::Monitor => 12.5,
-            Self::Detect => 25.0,
-            Self::Observe => 62.5,
-            Self::Recognise => 125.0,
-            Self::Identify => 250.0,
-        }
-    }
-
     /// Returns the name of the level, as in files.
     #[must_use]
     pub const fn name(self) -> &'static str {
@@ -59,11 +47,30 @@ impl DensityLevel {
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|level| level.name() == name)
     }
+}
+
+/// Smallest pixel density of each level, in pixels per metre, in the order of [`DensityLevel::ALL`]. The default is
+/// that of IEC 62676-4.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LevelLimits(pub [f64; DensityLevel::ALL.len()]);
+
+impl Default for LevelLimits {
+    fn default() -> Self {
+        Self([12.5, 25.0, 62.5, 125.0, 250.0])
+    }
+}
+
+impl LevelLimits {
+    /// Returns the smallest pixel density of a level, in pixels per metre.
+    #[must_use]
+    pub const fn of(&self, level: DensityLevel) -> f64 {
+        self.0[level as usize]
+    }
 
     /// Returns the highest level that a pixel density reaches; `None` below all levels.
     #[must_use]
-    pub fn reached_by(density: f64) -> Option<Self> {
-        Self::ALL.into_iter().rev().find(|level| density >= level.pixels_per_metre())
+    pub fn reached_by(&self, density: f64) -> Option<DensityLevel> {
+        DensityLevel::ALL.into_iter().rev().find(|&level| density >= self.of(level))
     }
 }
 
@@ -262,10 +269,11 @@ mod tests {
 
     #[test]
     fn levels_are_reached_in_order() {
-        assert_eq!(DensityLevel::reached_by(12.4), None);
+        let limits = LevelLimits::default();
+        assert_eq!(limits.reached_by(12.4), None);
         for level in DensityLevel::ALL {
-            assert_eq!(DensityLevel::reached_by(level.pixels_per_metre()), Some(level));
+            assert_eq!(limits.reached_by(limits.of(level)), Some(level));
         }
-        assert_eq!(DensityLevel::reached_by(124.9), Some(DensityLevel::Observe));
+        assert_eq!(limits.reached_by(124.9), Some(DensityLevel::Observe));
     }
 }

@@ -62,10 +62,12 @@ pub(super) struct Model<'a> {
     pub(super) labels: Vec<Label>,
     /// Ends and corners of lines and polylines.
     pub(super) corners: Vec<Point>,
-    /// Straight lines, with the straight parts of polylines.
-    pub(super) lines: Vec<kurbo::Line>,
-    /// Number of curves, and of lines beyond the limit.
-    pub(super) other_lines: usize,
+    /// Straight lines by layer, in upper case, with the straight parts of polylines.
+    pub(super) lines: BTreeMap<String, Vec<kurbo::Line>>,
+    /// Number of curves, and of lines beyond the limit, by layer.
+    pub(super) other_lines: BTreeMap<String, usize>,
+    /// Number of all lines of `lines`.
+    line_count: usize,
     /// Bounds of the lines that the drawing shows, whatever layers are shown here: pixels must not depend on the
     /// shown layers.
     pub(super) boxes: Vec<Rect>,
@@ -92,8 +94,9 @@ impl<'a> Model<'a> {
             strokes: Vec::new(),
             labels: Vec::new(),
             corners: Vec::new(),
-            lines: Vec::new(),
-            other_lines: 0,
+            lines: BTreeMap::new(),
+            other_lines: BTreeMap::new(),
+            line_count: 0,
             boxes: Vec::new(),
             hidden_boxes: Vec::new(),
             counts: BTreeMap::new(),
@@ -255,12 +258,14 @@ impl<'a> Model<'a> {
             if has_corners {
                 self.corners.extend(path.elements().iter().filter_map(kurbo::PathEl::end_point));
             }
+            let layer = || style.layer.to_owned();
             for part in path.segments() {
                 match part {
-                    kurbo::PathSeg::Line(line) if has_corners && self.lines.len() < MAX_LINES => {
-                        self.lines.push(line);
+                    kurbo::PathSeg::Line(line) if has_corners && self.line_count < MAX_LINES => {
+                        self.lines.entry(layer()).or_default().push(line);
+                        self.line_count += 1;
                     }
-                    _ => self.other_lines += 1,
+                    _ => *self.other_lines.entry(layer()).or_default() += 1,
                 }
             }
             self.strokes.push(Stroke { path, colour: style.colour, is_filled: false });

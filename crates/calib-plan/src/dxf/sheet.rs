@@ -6,7 +6,7 @@ use kurbo::{Affine, BezPath, Point, Rect};
 
 use super::model::{Model, Stroke};
 use super::pairs::Pairs;
-use super::tables::{Tables, metres_of_unit};
+use super::tables::{Tables, key, metres_of_unit};
 use crate::drawing::{Drawing, DrawingFacts, DrawingKind, Layer, Picture, ScaleSource, View, has_layer};
 use crate::error::PlanError;
 
@@ -67,6 +67,7 @@ pub(crate) fn read(bytes: &[u8], view: &View) -> Result<Drawing, PlanError> {
     ]);
     let metres = metres_of_unit(tables.unit);
     let origin = to_pixels * Point::ORIGIN;
+    collect_lines(&mut layers, &model, to_pixels, size);
     let facts = DrawingFacts {
         units_per_px: Some(units_per_px),
         metres_per_px: metres.map(|metres| metres * units_per_px),
@@ -77,14 +78,23 @@ pub(crate) fn read(bytes: &[u8], view: &View) -> Result<Drawing, PlanError> {
         notes: notes(&model, &pairs, distant, &unknown),
         ..DrawingFacts::new(DrawingKind::Dxf, size.map(|side| side as u32))
     };
-    let picture = Rect::new(0.0, 0.0, size[0], size[1]);
-    let lines = model.lines.iter().map(|line| [line.p0, line.p1].map(|end| to_pixels * end));
-    let lines_px = lines
-        .filter(|ends| ends.iter().all(|end| picture.contains(*end)))
-        .map(|ends| ends.map(|end| [end.x, end.y]))
-        .collect();
     let picture = Picture::Svg(document(&model, to_pixels, size));
-    Ok(Drawing { picture, facts, lines_px, other_lines: model.other_lines })
+    Ok(Drawing { picture, facts })
+}
+
+/// Stores the straight lines of the shown layers that are in a picture of this width and height in pixels.
+fn collect_lines(layers: &mut [Layer], model: &Model<'_>, to_pixels: Affine, [width, height]: [f64; 2]) {
+    let picture = Rect::new(0.0, 0.0, width, height);
+    for layer in layers {
+        let key = key(&layer.name);
+        let lines = model.lines.get(&key).into_iter().flatten();
+        layer.lines_px = lines
+            .map(|line| [line.p0, line.p1].map(|end| to_pixels * end))
+            .filter(|ends| ends.iter().all(|end| picture.contains(*end)))
+            .map(|ends| ends.map(|end| [end.x as f32, end.y as f32]))
+            .collect();
+        layer.other_lines = model.other_lines.get(&key).copied().unwrap_or(0);
+    }
 }
 
 /// Returns the layers of the tables and those that only records name.
@@ -96,6 +106,8 @@ fn listed_layers(tables: &Tables<'_>, model: &Model<'_>) -> Vec<Layer> {
         name: tables.layer_names.get(key).unwrap_or(key).clone(),
         is_shown: model.is_shown(key),
         count: model.counts.get(key).copied().unwrap_or(0),
+        lines_px: Vec::new(),
+        other_lines: 0,
     };
     keys.into_iter().map(layer).collect()
 }

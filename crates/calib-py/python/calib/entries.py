@@ -29,7 +29,7 @@ _ANNOTATION_KEYS = (
     "length_sigma_rel", "exact",
 )
 _SITE_KEYS = (
-    "name", "units", "plan", "links", "marks", "distances", "georeference", "crs", "scene", "planes", "walls", "areas", "measurements", "ground_points", "solution",
+    "name", "units", "plan", "links", "marks", "distances", "georeference", "crs", "scene", "planes", "walls", "areas", "level_px_per_m", "measurements", "ground_points", "solution",
 )
 #: Options with a standard deviation, and an example of one.
 _UNCERTAIN = {"height_m": 0.05, "focal_px": 15.0, "roll_deg": 0.5, "pitch_deg": 0.5}
