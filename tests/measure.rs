@@ -76,7 +76,7 @@ impl Simulated {
             ..MeasurementPoint::new("a".into(), px)
         };
         let points = pixels.into_iter().enumerate().map(point).collect();
-        let measurement = Measurement { id: None, name: None, kind, points };
+        let measurement = Measurement::new(kind, points);
         Some((truth, self.site.measure(&measurement).ok()?))
     }
 }
@@ -169,9 +169,10 @@ fn stored_measurements_are_listed_with_their_errors() {
     let px = |x: f64, y: f64| camera.world_to_pixel(WorldPoint::new(x, y, 0.0)).unwrap();
     let of = |id: &str, points: [Pixel; 2]| Measurement {
         id: Some(id.into()),
-        name: None,
-        kind: MeasurementKind::Length,
-        points: points.map(|px| MeasurementPoint::new("left".into(), px)).to_vec(),
+        ..Measurement::new(
+            MeasurementKind::Length,
+            points.map(|px| MeasurementPoint::new("left".into(), px)).to_vec(),
+        )
     };
     let good = of("aisle", [px(-1.0, 6.0), px(1.0, 6.0)]);
     let bad = of("sky", [px(-1.0, 6.0), Pixel { u: 900.0, v: 1.0 }]);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use calib_core::{Distortion, Pixel};
 
 use calib_core::floor::annotated_line_curve;
-use calib_editor::{Action, Pane, Phase, Pointer, hit, snap};
+use calib_editor::{Action, NewerUnderPointer, Pane, Phase, Pointer, hit, snap};
 use egui::{CursorIcon, Event, Modifiers, Painter, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::annotate::image;
@@ -143,6 +143,12 @@ fn handle_press(
     send_pointer(app, ui, key.1, mapping, at, Phase::Press, modifiers);
 }
 
+/// Returns the newer image of a camera if the canvas shows it at a screen point.
+fn newer_under(app: &App, camera: usize, at: Pos2) -> Option<NewerUnderPointer> {
+    let is_under = app.view.panes.newer_from.is_some_and(|(of, from)| of == camera && at.x >= from);
+    app.editor.newer(camera).filter(|_| is_under).map(NewerUnderPointer::from)
+}
+
 /// Sends a pointer event at a screen point to the tool.
 fn send_pointer(
     app: &mut App,
@@ -182,6 +188,10 @@ fn send_pointer(
         moved: app.view.panes.moved,
         double: app.view.panes.double,
         edge: offer,
+        newer: match pane {
+            Pane::Image(camera) => newer_under(app, camera, at),
+            Pane::Plan => None,
+        },
         image: still,
     };
     app.act(Action::Pointer(pointer));
@@ -267,6 +277,7 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     }
     cursor(app, ui, pane, &mapping);
     if place == Place::Main {
+        app.view.panes.newer_from = split.map(|from| (camera, from));
         app.view.panes.wipe = None;
         if let Some(split) = split {
             panel::slide(app, ui, camera, &mapping, (size[0], split));

@@ -712,49 +712,6 @@ fn image_circle_is_detected_removed_and_detected_again() {
 }
 
 #[test]
-fn lengths_and_heights_are_measured_in_the_images() {
-    let mut desk = Desk::new(demo());
-    let image = Pane::Image(0);
-    let solution = desk.app().editor.session().solved.solution(0).cloned();
-    let pose = *desk.app().editor.session().solved.pose(0).unwrap();
-    let (a, b) = ([700.0, 800.0], [1100.0, 860.0]);
-    let [from, to] = [a, b].map(|at| pose.pixel_to_floor(at.into(), 0.0).unwrap());
-    desk.take("Measure");
-    desk.click(image, a);
-    desk.click(image, b);
-    let measured = desk.site().measurements.clone();
-    assert_eq!((measured.len(), measured[0].points.len()), (1, 2));
-    assert_eq!(
-        desk.app().editor.session().solved.solution(0).cloned(),
-        solution,
-        "measuring changes nothing"
-    );
-    let words = desk.words();
-    let value = words.iter().find(|word| word.ends_with(" m") && word.contains(" m \u{b1} ")).unwrap();
-    let shown: f64 = value.split(' ').next().unwrap().parse().unwrap();
-    assert!((shown - from.distance(to)).abs() < 0.05, "{value}, expected {}", from.distance(to));
-    // A person of 1.8 m at the first point.
-    let head = pose.world_to_pixel(from.at_height(1.8)).unwrap();
-    let ends = [a, head.into()].map(|at| desk.screen(image, at));
-    desk.drag_screen(&ends, Modifiers::SHIFT);
-    desk.harness.run_steps(2);
-    assert_eq!(desk.site().measurements[1].kind, calib_site::MeasurementKind::Height);
-    assert!(desk.words().iter().any(|word| word.starts_with("1.8") && word.contains(" m \u{b1} ")));
-    // A length becomes an annotation, which is not used until its length is entered.
-    desk.harness.get_by_label("Use length 1 as a known length").click_accesskit();
-    desk.harness.run_steps(3);
-    let last = desk.site().cameras[0].annotations.last().unwrap().clone();
-    assert!(last.kind == Kind::KnownLength && last.off, "{last:?}");
-    desk.harness.get_by_label("Remove length 1").click_accesskit();
-    desk.harness.run_steps(3);
-    assert_eq!(desk.site().measurements.len(), 1);
-    for _ in 0..4 {
-        desk.undo();
-    }
-    assert!(desk.site().measurements.is_empty());
-}
-
-#[test]
 fn plan_shows_the_pixel_density_of_the_cameras() {
     let mut desk = Desk::new(demo());
     desk.key(Key::Num2);

@@ -2,8 +2,10 @@
 
 use calib_core::Pixel;
 use calib_core::floor::Measured;
-use calib_report::{measured_text, shortened_list};
-use calib_site::{CameraViewError, Measurement, MeasurementError, MeasurementKind, MeasurementPoint, Site};
+use calib_report::{measurement_text, shortened_list, speed_remark};
+use calib_site::{
+    CameraViewError, Measurement, MeasurementError, MeasurementKind, MeasurementPoint, Site, speed_limits,
+};
 use jiff::Timestamp;
 use serde_json::{Value, json};
 
@@ -106,9 +108,11 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
         _ => CommandError::Invalid(error.to_string()),
     })?;
     files::print(&match Format::given_or_usual(args.format) {
-        Format::Json => format!("{}\n", as_json(measurement.kind, found)),
-        Format::Text => format!("{}\n", measured_text(measurement.kind, found, file.site.units)),
-    })
+        Format::Json => format!("{}\n", as_json(&measurement, found)),
+        Format::Text => format!("{}\n", measurement_text(&measurement, found, file.site.units)),
+    })?;
+    remark(&file.site, &measurement, found);
+    Ok(())
 }
 
 /// Returns the measurement of the command line; `None` without points.
@@ -130,7 +134,7 @@ fn typed_measurement(args: &Args) -> Result<Option<Measurement>, CommandError> {
     let to_camera = args.to_camera.as_ref().unwrap_or(camera);
     let others = args.to.iter().map(|&px| point(to_camera, px, to_at));
     let points = std::iter::once(point(camera, from, args.from_at.as_ref())).chain(others).collect();
-    Ok(Some(Measurement { id: None, name: None, kind, points }))
+    Ok(Some(Measurement::new(kind, points)))
 }
 
 /// Prints the stored measurements of the site.
@@ -144,12 +148,13 @@ fn stored(file: &SiteFile, args: &Args) -> Result<(), CommandError> {
         warn_assumed_scale(&file.site, measurement);
         match file.site.measure(measurement) {
             Ok(found) => {
-                let mut value = as_json(measurement.kind, found);
+                let mut value = as_json(measurement, found);
+                remark(&file.site, measurement, found);
                 value["id"] = json!(measurement.id);
                 list.push(value);
                 text.push_str(&format!(
                     "{name}: {}\n",
-                    measured_text(measurement.kind, found, file.site.units)
+                    measurement_text(measurement, found, file.site.units)
                 ));
             }
             Err(error) => {
@@ -182,12 +187,25 @@ fn warn_assumed_scale(site: &Site, measurement: &Measurement) {
     notes.iter().for_each(|note| print_message(format_args!("calib: {note}")));
 }
 
+/// Prints a sentence about a speed whose times are whole seconds.
+fn remark(site: &Site, measurement: &Measurement, found: Measured) {
+    if let Some(remark) = speed_remark(measurement, found, site.units) {
+        print_message(format_args!("calib: {remark}"));
+    }
+}
+
 /// Returns the result with SI units in the names of its fields.
-fn as_json(kind: MeasurementKind, Measured { value, sigma }: Measured) -> Value {
+fn as_json(measurement: &Measurement, found: Measured) -> Value {
+    let Measured { value, sigma } = found;
+    let kind = measurement.kind;
     let [field, sigma_field] = match kind {
         MeasurementKind::Length | MeasurementKind::Height => ["length_m", "sigma_m"],
         MeasurementKind::Area => ["area_m2", "sigma_m2"],
         MeasurementKind::Speed => ["speed_mps", "sigma_mps"],
     };
-    json!({ "kind": kind, field: value, sigma_field: sigma })
+    let mut result = json!({ "kind": kind, field: value, sigma_field: sigma });
+    if let Some(limits) = speed_limits(measurement, value) {
+        result["limits_mps"] = json!(limits);
+    }
+    result
 }

@@ -18,6 +18,7 @@ use crate::newer::NewerAction;
 use crate::period::Period;
 use crate::planes::PlaneAction;
 use crate::proposed::CalibrationDecision;
+use crate::session::RulerSettings;
 use crate::tools::{Pane, Pointer};
 
 /// Site to be opened.
@@ -100,6 +101,9 @@ pub enum Action {
     SelectTool(usize),
     /// Sets the kind of mark that the mark tool creates, and selects the tool.
     MarkKind(MarkKind),
+    /// Sets the quantity of the tool *Measure* and the height of its points. A measurement in progress is discarded if
+    /// the quantity changes.
+    Ruler(RulerSettings),
     /// Discards the two points of the plan that were measured, because their distance was entered.
     ClearMeasurement,
 

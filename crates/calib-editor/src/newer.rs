@@ -72,18 +72,37 @@ impl NewerImage {
 #[must_use]
 pub fn valid_since(session: &Session, camera: usize) -> Option<u64> {
     let entry = session.site.cameras.get(camera)?;
-    let of_still = || {
-        let name = session.images.shown_name(entry.image.as_deref()?);
-        time_in_name(&camera_name(Path::new(&name)))
-    };
-    let valid_from = entry.valid_from.clone().or_else(of_still)?;
+    let valid_from = entry.valid_from.clone().or_else(|| image_time(session, camera))?;
     u64::try_from(nanoseconds(&valid_from)? / 1_000_000_000).ok()
+}
+
+/// Returns the time (RFC 3339) in the name of the image of a camera.
+pub(crate) fn image_time(session: &Session, camera: usize) -> Option<String> {
+    let name = session.images.shown_name(session.site.cameras.get(camera)?.image.as_deref()?);
+    time_in_name(&camera_name(Path::new(&name)))
+}
+
+impl From<&NewerImage> for NewerUnderPointer {
+    fn from(newer: &NewerImage) -> Self {
+        let name = camera_name(Path::new(&newer.title));
+        let is_in_place = newer.comparison.change == CameraChange::Unchanged;
+        Self { time: time_in_name(&name), is_in_place }
+    }
 }
 
 /// Converts a time (RFC 3339) to nanoseconds since 1970; `None` if it is invalid.
 fn nanoseconds(time: &str) -> Option<i64> {
     let entry = SiteCamera { valid_from: Some(time.to_owned()), ..SiteCamera::new("", [1, 1]) };
     entry.period_ns().ok().map(|[from, _]| from)
+}
+
+/// Newer image of a camera that is shown under the pointer.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NewerUnderPointer {
+    /// Time in the name of the image (RFC 3339).
+    pub time: Option<String>,
+    /// Whether the camera is unchanged since its calibration.
+    pub is_in_place: bool,
 }
 
 /// Action on newer images of cameras.

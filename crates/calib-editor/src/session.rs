@@ -9,7 +9,8 @@ use std::sync::Arc;
 use calib_core::outcome::SuggestedAnnotation;
 use calib_core::{Camera, FloorPoint, MarkKind, Pixel, PlanPixel, Plane, WorldPoint};
 use calib_site::{
-    Georeference, GeoreferenceSolution, Method, Names, PlacementEntry, Site, SiteCamera, Solution, Warning,
+    Georeference, GeoreferenceSolution, MeasurementKind, Method, Names, PlacementEntry, Site, SiteCamera,
+    Solution, Warning,
 };
 
 use crate::history::History;
@@ -40,8 +41,19 @@ pub struct ToolSettings {
     pub pivot: Option<[f64; 2]>,
     /// Whether dragging on the plan snaps to round numbers.
     pub snap: bool,
+    /// Quantity that the tool *Measure* measures, and the height of its points.
+    pub ruler: RulerSettings,
     /// Id of the ground point that the next click with the control point tool marks in an image.
     pub ground_point: Option<String>,
+}
+
+/// Quantity that the tool *Measure* measures in the images, and the height of its points.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RulerSettings {
+    /// Quantity.
+    pub kind: MeasurementKind,
+    /// Height of the points above the floor, in metres.
+    pub height: f64,
 }
 
 /// Lines that the operator has not decided about: suggestions and automatic calibrations.
@@ -166,6 +178,7 @@ impl Session {
                 measured: None,
                 pivot: None,
                 snap: false,
+                ruler: RulerSettings::default(),
                 ground_point: None,
             },
             pending: PendingLines { dismissed: Vec::new(), proposed: Arc::default(), picked_line: None },

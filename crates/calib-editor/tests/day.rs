@@ -38,6 +38,7 @@ impl Operator {
             moved,
             double: false,
             edge: None,
+            newer: None,
             image: None,
         }));
     }
@@ -349,6 +350,7 @@ fn click_has_the_accuracy_of_the_zoom() {
             moved,
             double: false,
             edge: None,
+            newer: None,
             image: None,
         })
     };

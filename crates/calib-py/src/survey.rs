@@ -156,7 +156,7 @@ impl Site {
                 ..MeasurementPoint::new(camera, px)
             });
         }
-        let measurement = Measurement { id: None, name: None, kind, points: entries };
+        let measurement = Measurement::new(kind, entries);
         let found = py.detach(|| self.0.measure(&measurement)).map_err(|why| match &why {
             MeasurementError::Camera { camera, why } => camera_error(py, camera, why),
             MeasurementError::NotComparable { cameras: [_, camera] } => camera_error(py, camera, &why),

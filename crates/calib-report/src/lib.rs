@@ -34,7 +34,7 @@ mod watch_page;
 
 pub use coverage_layer::{count_colour, level_colour, level_text, levels};
 pub use coverage_page::{CoveragePage, hand_over_text};
-pub use measurement_section::measurement_name;
+pub use measurement_section::{measurement_name, measurement_text, speed_remark};
 pub use overlay::overlay;
 pub use page::{EmbeddedImage, ImageRequest, ImageSource, coverage_html, page};
 pub use plan_view::{BACKGROUND, PLAN_OPACITY, PlanBackground, coverage_view, plan_view};

@@ -2,7 +2,8 @@
 
 use std::fmt::Write as _;
 
-use calib_site::{Measurement, Site};
+use calib_core::floor::Measured;
+use calib_site::{Measurement, MeasurementKind, Site, Units, speed_limits};
 
 use crate::svg::escape;
 use crate::words::{measured_text, shortened_list};
@@ -17,7 +18,11 @@ pub(crate) fn measurement_section(html: &mut String, site: &Site) {
     );
     for (index, measurement) in site.measurements.iter().enumerate() {
         let value = match site.measure(measurement) {
-            Ok(found) => measured_text(measurement.kind, found, site.units),
+            Ok(found) => {
+                let remark = speed_remark(measurement, found, site.units);
+                let value = measurement_text(measurement, found, site.units);
+                remark.map_or_else(|| value.clone(), |remark| format!("{value}. {remark}"))
+            }
             Err(why) => why.to_string(),
         };
         let _ = writeln!(
@@ -39,6 +44,38 @@ pub(crate) fn measurement_section(html: &mut String, site: &Site) {
 pub fn measurement_name(index: usize, measurement: &Measurement) -> String {
     let own = measurement.name.clone().or_else(|| measurement.id.clone());
     own.unwrap_or_else(|| format!("{} {}", measurement.kind.name(), index + 1))
+}
+
+/// Describes a measured value with the height of its points, such as "3.20 m ± 0.05 m, 0.6 m above the floor".
+#[must_use]
+pub fn measurement_text(measurement: &Measurement, found: Measured, units: Units) -> String {
+    let value = measured_text(measurement.kind, found, units);
+    let heights: Vec<f64> = measurement.points.iter().map(|point| point.height_m.unwrap_or(0.0)).collect();
+    let of_height =
+        if measurement.kind == MeasurementKind::Height { heights.get(..1) } else { Some(&heights[..]) };
+    let [low, high] = of_height
+        .into_iter()
+        .flatten()
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &at| [low.min(at), high.max(at)]);
+    match (low, high) {
+        (low, high) if low == 0.0 && high == 0.0 => value,
+        (low, high) if low == high => format!("{value}, {} above the floor", units.trimmed_length(low)),
+        _ => format!("{value}, between points of different heights"),
+    }
+}
+
+/// Returns a sentence about a speed whose times are whole seconds.
+#[must_use]
+pub fn speed_remark(measurement: &Measurement, found: Measured, units: Units) -> Option<String> {
+    let [low, high] = speed_limits(measurement, found.value)?;
+    let text = |speed: f64| units.number(speed, 2);
+    let (unit, low) = (format!("{}/s", units.symbol()), low.map_or_else(|| "0".into(), text));
+    Some(match high {
+        Some(high) => {
+            format!("The times are whole seconds, so the speed can be {low} to {} {unit}.", text(high))
+        }
+        None => format!("The times are whole seconds, so the speed is at least {low} {unit}."),
+    })
 }
 
 /// Returns the ids of the cameras in which a measurement was clicked.

@@ -72,7 +72,7 @@ fn measurements_are_listed_with_their_values() {
     assert!(!page(&site, CREATED, None, &mut pictures).contains("<h2>Measurements</h2>"));
     let id = site.cameras[0].id.clone();
     let points = [[800.0, 800.0], [1200.0, 820.0]].map(|px| MeasurementPoint::new(id.clone(), px.into()));
-    let length = Measurement { id: None, name: None, kind: MeasurementKind::Length, points: points.to_vec() };
+    let length = Measurement::new(MeasurementKind::Length, points.to_vec());
     let value = site.measure(&length).unwrap().value;
     let sky = MeasurementPoint::new(id, [800.0, -4000.0].into());
     let above = Measurement { points: vec![points[0].clone(), sky], ..length.clone() };

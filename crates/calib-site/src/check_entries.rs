@@ -194,6 +194,10 @@ fn check_measurement(at: &At, measurement: &Measurement, cameras: &HashSet<&str>
     if measurement.kind == MeasurementKind::Height && found > 2 {
         return list.expected(format!("{found} points"), "2 for kind \"height\": the foot and the head");
     }
+    optional(&at.key("duration_s"), measurement.duration_s, Bounds::POSITIVE)?;
+    if measurement.duration_s.is_some() && measurement.kind != MeasurementKind::Speed {
+        return at.key("duration_s").expected("a duration", "none, except for kind \"speed\"");
+    }
     count(&list, found, 1000)?;
     for (i, point) in measurement.points.iter().enumerate() {
         let at = list.index(i);

@@ -143,7 +143,7 @@ pub use english::{Names, counted};
 pub use geographic::typed_degrees;
 pub use lens_cache::LensCache;
 pub use map_plan::{MapPlanError, MapPosition};
-pub use measurement::MeasurementError;
+pub use measurement::{MeasurementError, speed_limits};
 pub use options::Options;
 pub use period::CameraLookupError;
 pub use pipeline::Report;

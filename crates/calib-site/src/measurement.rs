@@ -51,7 +51,7 @@ pub enum MeasurementError {
         /// Id of the plane.
         plane: String,
     },
-    /// A speed needs the times of its first and last point, the last one later.
+    /// A speed needs a duration, or the times of its first and last point, the last one later.
     NoDuration,
     /// The second point of a height is not above the first.
     NotAbove,
@@ -78,9 +78,7 @@ impl fmt::Display for MeasurementError {
                 "camera \"{camera}\": the pixel {u:.0}, {v:.0} shows the plane \"{plane}\"; only points above the \
                  floor can be measured"
             ),
-            Self::NoDuration => {
-                f.write_str("a speed needs the times of the first and the last point, the last one later")
-            }
+            Self::NoDuration => f.write_str("a speed needs the time between the first and the last point"),
             Self::NotAbove => f.write_str("the second point is not vertically above the first"),
             Self::AtBorder => f.write_str("a point is too close to the horizon or to the border of the lens"),
         }
@@ -143,7 +141,8 @@ impl Site {
         if *kind != MeasurementKind::Speed {
             return Ok(found);
         }
-        let seconds = duration(points).ok_or(MeasurementError::NoDuration)?;
+        let seconds =
+            measurement.duration_s.or_else(|| duration(points)).ok_or(MeasurementError::NoDuration)?;
         Ok(Measured { value: found.value / seconds, sigma: found.sigma.map(|sigma| sigma / seconds) })
     }
 
@@ -217,6 +216,24 @@ impl Site {
             _ => Ok(()),
         }
     }
+}
+
+/// Lower and upper limit of a speed whose times are whole seconds: each time can be wrong by up to a second in the
+/// same direction, so the duration by less than one second. `None` if the times are finer, or if the duration was
+/// entered.
+#[must_use]
+pub fn speed_limits(measurement: &Measurement, speed: f64) -> Option<[Option<f64>; 2]> {
+    let seconds = duration(&measurement.points).filter(|_| measurement.duration_s.is_none())?;
+    let is_whole = |point: &MeasurementPoint| {
+        let time = point.at.as_ref()?.parse::<Timestamp>().ok()?;
+        Some(time.subsec_nanosecond() == 0)
+    };
+    let ends = [measurement.points.first()?, measurement.points.last()?];
+    if measurement.kind != MeasurementKind::Speed || ends.into_iter().any(|end| is_whole(end) != Some(true)) {
+        return None;
+    }
+    let path = speed * seconds;
+    Some([Some(path / (seconds + 1.0)), (seconds > 1.0).then(|| path / (seconds - 1.0))])
 }
 
 /// Cameras of a measurement, each once, and its points.

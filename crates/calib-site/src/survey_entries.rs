@@ -67,6 +67,9 @@ document! {
         /// Measured points, in order.
         #[serde(deserialize_with = "bounds::items")]
         points: Vec<MeasurementPoint>,
+        /// Time from the first point to the last, in seconds, for a speed; otherwise their times decide.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        duration_s: Option<f64>,
     }
 
     /// Point of a measurement: a pixel of one camera.
@@ -159,6 +162,14 @@ impl From<LevelLimits> for LevelLimitsEntry {
         let own = |level: DensityLevel| Some(limits.of(level)).filter(|limit| *limit != usual.of(level));
         let [monitor, detect, observe, recognise, identify] = DensityLevel::ALL.map(own);
         Self { monitor, detect, observe, recognise, identify }
+    }
+}
+
+impl Measurement {
+    /// Creates a measurement through these points.
+    #[must_use]
+    pub const fn new(kind: MeasurementKind, points: Vec<MeasurementPoint>) -> Self {
+        Self { id: None, name: None, kind, points, duration_s: None }
     }
 }
 

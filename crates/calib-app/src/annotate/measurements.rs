@@ -1,8 +1,8 @@
 //! Measurements in the images: lines with their values, and the panel that lists them.
 
 use calib_core::{Kind, Pixel};
-use calib_editor::Action;
 use calib_editor::edit::add_line;
+use calib_editor::{Action, TOOLS};
 use calib_report::measurement_name;
 use calib_site::{Measurement, MeasurementKind};
 use egui::{Align2, Painter, RichText, Ui, Vec2};
@@ -12,7 +12,7 @@ use crate::overlay::Overlay;
 use crate::paint::{Pen, handle, line, tag};
 use crate::state::App;
 use crate::theme::{self, on_image};
-use crate::widgets::heading;
+use crate::widgets::{entered_text, heading, length_field};
 
 /// Computes the values of the measurements again if their inputs have changed.
 pub(crate) fn update_measurements(app: &mut App) {
@@ -46,14 +46,76 @@ pub(crate) fn paint_on_image(app: &App, camera: usize, overlay: &Overlay, painte
     }
 }
 
-/// Shows the list of measurements, if there are any.
+/// Whether the tool that measures is active.
+pub(crate) fn is_measuring(app: &App) -> bool {
+    TOOLS.get(app.editor.tool_row()).is_some_and(|tool| tool.icon == calib_editor::Icon::Measure)
+}
+
+/// Shows the settings of the tool, and the list of measurements.
 pub(crate) fn measurements_ui(app: &mut App, ui: &mut Ui) {
     update_measurements(app);
     heading(ui, "Measurements", "they do not change the calibration");
+    if is_measuring(app) {
+        settings_ui(app, ui);
+    }
     let measurements = app.editor.site().measurements.clone();
     for (index, measurement) in measurements.iter().enumerate() {
         row(app, ui, index, measurement);
     }
+}
+
+/// Shows the quantity that the tool measures, and the height of its points.
+fn settings_ui(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let before = app.editor.session().tool.ruler;
+    let mut ruler = before;
+    ui.horizontal(|ui| {
+        for (kind, name, tip) in [
+            (MeasurementKind::Length, "Length", "Distance of two points"),
+            (MeasurementKind::Height, "Height", "From the lower end of an upright object to its upper end"),
+            (MeasurementKind::Area, "Area", "Floor between three or more corners"),
+            (
+                MeasurementKind::Speed,
+                "Speed",
+                "Distance of two points divided by the time between them. Open a newer image of the camera for the \
+                 second point",
+            ),
+        ] {
+            if ui.selectable_label(ruler.kind == kind, name).on_hover_text(tip).clicked() {
+                ruler.kind = kind;
+            }
+        }
+    });
+    ui.horizontal(|ui| {
+        let label = ui.label(RichText::new("Points above the floor by").color(palette.text2));
+        let field = length_field(app.editor.site().units, &mut ruler.height, -100.0);
+        let tip =
+            "0 for points on the floor, 0.8 m for the top of a table, the height of the hub for a wheel";
+        ui.add(field).labelled_by(label.id).on_hover_text(tip);
+    });
+    if ruler != before {
+        app.send(Action::Ruler(ruler));
+    }
+}
+
+/// Shows the field for the time between the points of a speed.
+fn duration_ui(app: &mut App, ui: &mut Ui, index: usize, measurement: &Measurement) {
+    let palette = theme::palette(ui.ctx());
+    ui.horizontal(|ui| {
+        let label = ui.label(RichText::new("Seconds between the points").small().color(palette.text2));
+        let known = measurement.duration_s.map_or_else(String::new, |seconds| seconds.to_string());
+        let (response, typed) = entered_text(ui, ("duration", index), &known, 60.0);
+        response.labelled_by(label.id);
+        let Some(typed) = typed else { return };
+        match typed.replace(',', ".").trim_end_matches('s').trim().parse::<f64>() {
+            Ok(seconds) if seconds.is_finite() && seconds > 0.0 => {
+                let mut site = app.editor.site().clone();
+                site.measurements[index].duration_s = Some(seconds);
+                app.send(Action::Change { site: Box::new(site), name: "enter the time of a speed".into() });
+            }
+            _ => app.send(Action::Note("Enter a number of seconds above 0, such as 0.48.".into())),
+        }
+    });
 }
 
 /// Shows a measurement with its value, and buttons to copy, to use and to remove it.
@@ -63,6 +125,7 @@ fn row(app: &mut App, ui: &mut Ui, index: usize, measurement: &Measurement) {
     let units = app.editor.site().units;
     let Some(shown) = &app.measurements else { return };
     let text = shown.text(index, measurement, units);
+    let remark = shown.remark(index, measurement, units);
     let is_valid = matches!(shown.values.get(index), Some(Ok(_)));
     let mut action = None;
     ui.horizontal(|ui| {
@@ -88,6 +151,15 @@ fn row(app: &mut App, ui: &mut Ui, index: usize, measurement: &Measurement) {
     {
         ui.ctx().copy_text(text);
         action = Some(Action::Note(format!("{name} is copied.")));
+    }
+    if let Some(remark) = remark {
+        ui.label(RichText::new(remark).small().color(palette.warn));
+    }
+    let has_times = measurement.points.iter().all(|point| point.at.is_some());
+    if measurement.kind == MeasurementKind::Speed
+        && (!has_times || !is_valid || measurement.duration_s.is_some())
+    {
+        duration_ui(app, ui, index, measurement);
     }
     if let Some(action) = action {
         app.send(action);

@@ -199,9 +199,9 @@ fn surveyed(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// Shows the measurements, if the site has any.
+/// Shows the measurements, if the site has any or the tool that measures is active.
 fn measured(app: &mut App, ui: &mut Ui) {
-    if !app.editor.site().measurements.is_empty() {
+    if !app.editor.site().measurements.is_empty() || measurements::is_measuring(app) {
         section(ui, |ui| measurements::measurements_ui(app, ui));
     }
 }

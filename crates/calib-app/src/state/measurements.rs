@@ -3,7 +3,7 @@
 use calib_core::Camera;
 use calib_core::floor::Measured;
 use calib_editor::Session;
-use calib_report::measured_text;
+use calib_report::{measurement_text, speed_remark};
 use calib_site::{Measurement, Units};
 
 /// Values of the measurements, kept until a camera or a measurement changes.
@@ -36,10 +36,16 @@ impl ShownMeasurements {
         self.inputs = Some((generation, poses, measurements.clone()));
     }
 
+    /// Returns a sentence about a speed whose times are whole seconds.
+    pub(crate) fn remark(&self, index: usize, measurement: &Measurement, units: Units) -> Option<String> {
+        let found = self.values.get(index)?.as_ref().ok()?;
+        speed_remark(measurement, *found, units)
+    }
+
     /// Returns the value of a measurement as text.
     pub(crate) fn text(&self, index: usize, measurement: &Measurement, units: Units) -> String {
         match self.values.get(index) {
-            Some(Ok(found)) => measured_text(measurement.kind, *found, units),
+            Some(Ok(found)) => measurement_text(measurement, *found, units),
             Some(Err(why)) => why.clone(),
             None => String::new(),
         }

@@ -67,6 +67,8 @@ pub struct Panes {
     pub(crate) legend: Option<((Place, Pane), Rect)>,
     /// Canvas that wipes between two images, and the rectangle of its wipe handle.
     pub(crate) wipe: Option<((Place, Pane), Rect)>,
+    /// Camera whose newer image the main canvas shows, and the screen x from which it is visible.
+    pub(crate) newer_from: Option<(usize, f32)>,
     /// Canvas that was used last; zoom keys apply to it.
     pub active: Option<(Place, Pane)>,
     /// Rectangle of each canvas in the last frame, for zoom keys and tests.

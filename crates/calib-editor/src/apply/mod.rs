@@ -34,6 +34,7 @@ impl Editor {
             Action::Gesture(command) => self.gesture(command),
             Action::SelectTool(index) => self.select_tool(index),
             Action::MarkKind(kind) => self.choose_mark(kind),
+            Action::Ruler(settings) => self.set_ruler(settings),
             Action::ClearMeasurement => self.session.tool.measured = None,
             Action::SelectCamera(camera) => self.session.select_camera(camera),
             Action::SelectOn(camera, part) => self.session.select_only(camera, part),

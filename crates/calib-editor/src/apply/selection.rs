@@ -11,6 +11,7 @@ use crate::command::{Gesture, Nudge, Selection};
 use crate::editor::Editor;
 use crate::hit::{self, Part};
 use crate::proposed::CalibrationDecision;
+use crate::session::RulerSettings;
 use crate::tools::{Pane, Phase, Pointer, TOOLS, ToolRow, tool_index};
 use crate::{edit, snap};
 
@@ -70,6 +71,13 @@ impl Editor {
         if let Some(row) = TOOLS.get(index) {
             (self.tool, self.tool_row) = ((row.make)(), index);
         }
+    }
+
+    pub(super) fn set_ruler(&mut self, settings: RulerSettings) {
+        if settings.kind != self.session.tool.ruler.kind {
+            self.cancel();
+        }
+        self.session.tool.ruler = settings;
     }
 
     pub(super) fn choose_mark(&mut self, kind: MarkKind) {

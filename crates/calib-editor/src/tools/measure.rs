@@ -1,79 +1,158 @@
-//! Tool that measures: a length on the floor, or a height above it, in the images. On the plan, the scale
-//! follows from two clicks and their distance, which is entered in the panel.
+//! Tool that measures in the images: lengths, heights, areas and speeds. On the plan, the scale follows from two
+//! clicks and their distance, which is entered in the panel.
 //!
 //! Also the tool that draws the region of a plane other than the floor, corner by corner.
 
 use calib_core::{FloorPoint, Pixel};
 use calib_site::{Measurement, MeasurementKind, MeasurementPoint};
 
+use crate::newer::image_time;
 use crate::planes::{add_plane, set_region};
-use crate::session::Session;
+use crate::session::{RulerSettings, Session};
 use crate::tools::corners::Corners;
 use crate::tools::{Pane, Phase, Pointer, Tool, plan_scale};
 
-/// Tool that measures between two points of the images, or selects two points of the plan, whose distance the
+/// Tool that measures between points of the images, or selects two points of the plan, whose distance the
 /// operator enters.
 #[derive(Debug, Default)]
 pub(super) struct Measure {
     from: Option<[f64; 2]>,
     to: Option<[f64; 2]>,
-    ruler: Option<RulerGesture>,
+    /// Points of the measurement in progress in the images; the last one follows the pointer.
+    clicks: Vec<RulerClick>,
 }
 
-/// Measurement in progress in the images.
-#[derive(Clone, Copy, Debug)]
-struct RulerGesture {
-    /// Camera and pixel of the first point.
-    from: (usize, Pixel),
-    /// Camera and pixel under the pointer.
-    to: (usize, Pixel),
-    /// Whether the first button press has ended without a drag, so that the next click sets the second point.
-    is_clicked: bool,
+/// Click of a measurement.
+#[derive(Clone, Debug)]
+struct RulerClick {
+    /// Index of the camera.
+    camera: usize,
+    /// Raw pixel.
+    pixel: Pixel,
+    /// Whether the click was on the newer image of the camera.
+    is_newer: bool,
+    /// Time in the name of the image (RFC 3339).
+    time: Option<String>,
+}
+
+impl RulerClick {
+    fn is_on_image_of(&self, other: &Self) -> bool {
+        self.camera == other.camera && self.is_newer == other.is_newer
+    }
 }
 
 impl Measure {
-    /// Processes an event in an image. The two points may be in different images.
-    fn measure(&mut self, session: &mut Session, (camera, at): (usize, Pixel), pointer: &Pointer) {
-        /// Smallest distance of the two points in one image, in raw pixels.
-        const MIN_DISTANCE_PX: f64 = 2.0;
-        let Some(mut ruler) = self.ruler else {
-            if pointer.phase == Phase::Press {
-                (self.from, self.to) = (None, None);
-                session.select_camera(camera);
-                self.ruler = Some(RulerGesture { from: (camera, at), to: (camera, at), is_clicked: false });
-            }
+    /// Processes an event in an image. The points may be in different images.
+    fn measure(&mut self, session: &mut Session, (camera, pixel): (usize, Pixel), pointer: &Pointer) {
+        let is_newer = pointer.newer.is_some();
+        let time = match &pointer.newer {
+            Some(newer) => newer.time.clone(),
+            None => image_time(session, camera),
+        };
+        let click = RulerClick { camera, pixel, is_newer, time };
+        if self.clicks.is_empty() && pointer.phase != Phase::Press {
+            return;
+        }
+        if pointer.phase != Phase::Hover && pointer.newer.as_ref().is_some_and(|newer| !newer.is_in_place) {
+            let what = "The camera has moved since its calibration. Recover it before you measure in the newer image.";
+            session.note = Some(what.into());
+            return;
+        }
+        let Some(last) = self.clicks.last_mut() else {
+            (self.from, self.to) = (None, None);
+            session.select_camera(camera);
+            self.clicks = vec![click.clone(), click];
             return;
         };
-        ruler.to = (camera, at);
-        self.ruler = Some(ruler);
-        if pointer.phase != Phase::Release {
-            return;
-        }
-        if !ruler.is_clicked && !pointer.moved {
-            self.ruler = Some(RulerGesture { is_clicked: true, ..ruler });
-            return;
-        }
-        self.ruler = None;
-        let (first, start) = ruler.from;
-        if first == camera && start.distance(at) < MIN_DISTANCE_PX {
-            return;
-        }
-        let is_height = pointer.modifiers.shift && first == camera;
-        let kind = if is_height { MeasurementKind::Height } else { MeasurementKind::Length };
-        let point = |(camera, px): (usize, Pixel)| {
-            let entry = session.site.cameras.get(camera)?;
-            let is_period = session.site.cameras.iter().filter(|other| other.id == entry.id).count() > 1;
-            let at = entry.valid_from.clone().filter(|_| is_period);
-            Some(MeasurementPoint { at, ..MeasurementPoint::new(entry.id.clone(), px) })
-        };
-        let (Some(a), Some(b)) = (point(ruler.from), point(ruler.to)) else { return };
-        let points = vec![a, b];
-        session.site.measurements.push(Measurement { id: None, name: None, kind, points });
-        session.commit(format!("measure a {}", kind.name()));
-        if pointer.modifiers.shift && !is_height {
-            session.note = Some("A height needs both points in one image. A length was measured.".into());
+        *last = click;
+        if pointer.phase == Phase::Release {
+            self.release(session, pointer);
         }
     }
+
+    /// Sets the point that follows the pointer, and finishes a measurement that has all its points.
+    fn release(&mut self, session: &mut Session, pointer: &Pointer) {
+        /// Smallest distance of two points in one image, in raw pixels.
+        const MIN_DISTANCE_PX: f64 = 2.0;
+        let [.., before, last] = &self.clicks[..] else { return };
+        let set = self.clicks.len() - 1;
+        let is_first_click = set == 1 && !pointer.moved && before.is_on_image_of(last);
+        if is_first_click && before.pixel.distance(last.pixel) <= 0.5 * pointer.radius {
+            return;
+        }
+        let kind = self.kind(session, pointer);
+        if kind == MeasurementKind::Height && before.camera != last.camera {
+            session.note = Some("The upper end must be in the same image as the lower end.".into());
+            return;
+        }
+        if kind != MeasurementKind::Area {
+            let is_short = before.is_on_image_of(last) && before.pixel.distance(last.pixel) < MIN_DISTANCE_PX;
+            if is_short {
+                self.clicks.clear();
+            } else {
+                self.finish(session, kind);
+            }
+            return;
+        }
+        let first = &self.clicks[0];
+        let closes = first.is_on_image_of(last) && first.pixel.distance(last.pixel) <= pointer.radius;
+        if set >= 3 && (closes || pointer.double) {
+            self.clicks.pop();
+            self.finish(session, kind);
+        } else if !before.is_on_image_of(last) || before.pixel.distance(last.pixel) >= MIN_DISTANCE_PX {
+            self.clicks.push(last.clone());
+        }
+    }
+
+    /// Returns the quantity of the measurement in progress. Shift turns a length into a height.
+    fn kind(&self, session: &Session, pointer: &Pointer) -> MeasurementKind {
+        match session.tool.ruler.kind {
+            MeasurementKind::Length if pointer.modifiers.shift => MeasurementKind::Height,
+            kind => kind,
+        }
+    }
+
+    /// Stores the measurement of the clicks.
+    fn finish(&mut self, session: &mut Session, kind: MeasurementKind) {
+        let mut clicks = std::mem::take(&mut self.clicks);
+        let times = [clicks.first(), clicks.last()].map(|click| click.and_then(|click| click.time.clone()));
+        if kind == MeasurementKind::Speed && times[0] > times[1] {
+            clicks.reverse();
+        }
+        let has_times = kind == MeasurementKind::Speed
+            && times[0] != times[1]
+            && clicks.iter().all(|click| is_time_of(session, click));
+        let height = Some(session.tool.ruler.height).filter(|height| *height != 0.0);
+        let point = |(index, click): (usize, RulerClick)| {
+            let entry = session.site.cameras.get(click.camera)?;
+            let is_period = session.site.cameras.iter().filter(|other| other.id == entry.id).count() > 1;
+            let of_period = || entry.valid_from.clone().filter(|_| is_period);
+            let is_head = kind == MeasurementKind::Height && index > 0;
+            Some(MeasurementPoint {
+                at: click.time.filter(|_| has_times).or_else(of_period),
+                height_m: height.filter(|_| !is_head),
+                ..MeasurementPoint::new(entry.id.clone(), click.pixel)
+            })
+        };
+        let points: Option<Vec<MeasurementPoint>> = clicks.into_iter().enumerate().map(point).collect();
+        let Some(points) = points else { return };
+        session.site.measurements.push(Measurement::new(kind, points));
+        session.commit(format!(
+            "measure {} {}",
+            if kind == MeasurementKind::Area { "an" } else { "a" },
+            kind.name()
+        ));
+        if kind == MeasurementKind::Speed && !has_times {
+            session.note = Some("Enter the time between the two points on the right.".into());
+        }
+    }
+}
+
+/// Whether the time of a click selects the calibration of its camera.
+fn is_time_of(session: &Session, click: &RulerClick) -> bool {
+    let Some(entry) = session.site.cameras.get(click.camera) else { return false };
+    let found = click.time.as_ref().map(|time| session.site.camera_at(&entry.id, Some(time)));
+    found.is_some_and(|found| found.is_ok_and(|found| std::ptr::eq(found, entry)))
 }
 
 impl Tool for Measure {
@@ -84,7 +163,7 @@ impl Tool for Measure {
         }
         match (self.from, pointer.phase) {
             (None, Phase::Press) => {
-                self.ruler = None;
+                self.clicks.clear();
                 (self.from, self.to) = (Some(pointer.at), Some(pointer.at));
             }
             (Some(from), Phase::Release) => {
@@ -102,45 +181,91 @@ impl Tool for Measure {
         }
     }
 
+    fn accept(&mut self, session: &mut Session) {
+        if self.clicks.is_empty() || session.tool.ruler.kind != MeasurementKind::Area {
+            return;
+        }
+        if self.clicks.len() < 4 {
+            session.note = Some("Click at least three corners.".into());
+            return;
+        }
+        self.clicks.pop();
+        self.finish(session, MeasurementKind::Area);
+    }
+
+    fn step_back(&mut self, _session: &mut Session) -> bool {
+        let Some(end) = self.clicks.pop() else { return false };
+        self.clicks.pop();
+        if !self.clicks.is_empty() {
+            self.clicks.push(end);
+        }
+        true
+    }
+
     fn cancel(&mut self) {
         *self = Self::default();
     }
 
     fn is_idle(&self) -> bool {
-        self.from.is_none() && self.ruler.is_none()
+        self.from.is_none() && self.clicks.is_empty()
     }
 
     fn hint(&self, session: &Session) -> String {
+        let RulerSettings { kind, height } = session.tool.ruler;
+        let (set, where_to) = (self.clicks.len().saturating_sub(1), place_text(session, height));
         match (self.from, session.tool.measured) {
-            _ if self.ruler.is_some() => {
-                "Click the other end, in this or another image.  Shift: height".into()
-            }
+            _ if set > 0 => match kind {
+                MeasurementKind::Length => {
+                    "Click the other end, in this or another image.  Shift: height".into()
+                }
+                MeasurementKind::Height => "Click the upper end, vertically above the lower end.".into(),
+                MeasurementKind::Speed => {
+                    "Click the same point of the object at the other time, in this or another image.".into()
+                }
+                MeasurementKind::Area if set < 3 => "Click the next corner.  Backspace: remove the last corner".into(),
+                MeasurementKind::Area => {
+                    "Click the next corner, or the first one to close.  Enter: finish  Backspace: remove the last corner"
+                        .into()
+                }
+            },
             (Some(_), _) => "Click the other end of the known length.".into(),
             (None, Some(_)) => "Enter the length on the right, or measure again.".into(),
-            (None, None) => {
-                "Click two floor points in the images to measure, or two points of the plan whose \
-                             distance you know."
-                    .into()
-            }
+            (None, None) => match kind {
+                MeasurementKind::Length => format!(
+                    "Click two points {where_to} in the images to measure, or two points of the plan whose distance \
+                     you know."
+                ),
+                MeasurementKind::Height => format!("Click the lower end {where_to}, then the upper end."),
+                MeasurementKind::Area => format!("Click the corners {where_to} in the images."),
+                MeasurementKind::Speed => format!("Click a point of the object {where_to} at the first time."),
+            },
         }
     }
 
     fn dragged_point(&self) -> Option<(Pane, [f64; 2])> {
-        let in_image = self.ruler.map(|ruler| (Pane::Image(ruler.to.0), ruler.to.1.into()));
+        let in_image = self.clicks.last().map(|click| (Pane::Image(click.camera), click.pixel.into()));
         in_image.or_else(|| self.to.map(|to| (Pane::Plan, to)))
     }
 
     fn preview_lines(&self, pane: Pane) -> Vec<Vec<[f64; 2]>> {
-        match (pane, self.from, self.to, self.ruler) {
-            (Pane::Plan, Some(from), Some(to), _) => vec![vec![from, to]],
-            (Pane::Image(camera), _, _, Some(RulerGesture { from, to, .. }))
-                if from.0 == camera && to.0 == camera =>
-            {
-                vec![vec![from.1.into(), to.1.into()]]
+        match (pane, self.from, self.to) {
+            (Pane::Plan, Some(from), Some(to)) => vec![vec![from, to]],
+            (Pane::Image(camera), ..) => {
+                let pairs = self.clicks.windows(2);
+                let own = pairs.filter(|pair| pair.iter().all(|click| click.camera == camera));
+                own.map(|pair| pair.iter().map(|click| click.pixel.into()).collect()).collect()
             }
             _ => Vec::new(),
         }
     }
+}
+
+/// Describes where the points of a measurement are.
+fn place_text(session: &Session, height: f64) -> String {
+    if height == 0.0 {
+        return "on the floor".into();
+    }
+    format!("{} above the floor", session.site.units.trimmed_length(height))
 }
 
 /// Tool that draws the region of the selected plane, or of a new one.

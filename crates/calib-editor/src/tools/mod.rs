@@ -26,6 +26,7 @@ use calib_site::Site;
 use image::RgbImage;
 
 use crate::keys::{Key, Modifiers};
+use crate::newer::NewerUnderPointer;
 use crate::session::Session;
 
 pub(crate) use mark::{is_on_pins, move_to_pins};
@@ -74,6 +75,8 @@ pub struct Pointer {
     pub double: bool,
     /// Detected image edge under the pointer, which a click accepts.
     pub edge: Option<Edge>,
+    /// Newer image of the camera, if the canvas shows it under the pointer.
+    pub newer: Option<NewerUnderPointer>,
     /// Image of the canvas, used to move lines onto its edges.
     pub image: Option<Arc<RgbImage>>,
 }
