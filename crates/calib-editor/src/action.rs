@@ -159,10 +159,8 @@ pub enum Action {
     },
     /// Replaces the image of a calibration period. Annotations keep their pixel coordinates.
     ReplaceImage(Period, NewImage),
-    /// Sets the opacity of the replaced image over the new one, 0 to 1.
-    BlendReplacedImage(f32),
-    /// Hides the replaced image.
-    HideReplacedImage,
+    /// Sets the opacity of the replaced image over the new one, 0 to 1; `None` hides it.
+    BlendReplacedImage(Option<f32>),
     /// Scales the annotations of the camera from the size of the replaced image to the size of the new one.
     RescaleToImage,
     /// Changes the id of the selected camera and all references to it.

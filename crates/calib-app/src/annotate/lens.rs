@@ -237,8 +237,8 @@ pub fn old_still(app: &mut App, ui: &mut Ui) {
         app.send(Action::RescaleToImage);
     }
     if done {
-        app.send(Action::HideReplacedImage);
+        app.send(Action::BlendReplacedImage(None));
     } else if share != shown {
-        app.send(Action::BlendReplacedImage(share));
+        app.send(Action::BlendReplacedImage(Some(share)));
     }
 }

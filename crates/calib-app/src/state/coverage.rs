@@ -109,8 +109,8 @@ pub(crate) struct Computed {
     pub(crate) limits: LevelLimits,
     /// Hand-over zones, the largest first.
     pub(crate) hand_overs: Vec<ShownHandOver>,
-    /// Entries of the legend: colour, text, and visible floor in square metres.
-    pub(crate) legend: Vec<(Rgb, String, f64)>,
+    /// Entries of the legend.
+    pub(crate) legend: Vec<LegendEntry>,
     /// Ids of cameras that are left out, because they have no position relative to the others.
     pub(crate) left_out: Vec<String>,
     /// Ids of cameras whose scale is assumed.
@@ -118,6 +118,9 @@ pub(crate) struct Computed {
     /// Areas of interest, and whether each reaches its level.
     pub(crate) results: Vec<(String, bool)>,
 }
+
+/// Entry of the legend: colour, text, and visible floor in square metres.
+pub(crate) type LegendEntry = (Rgb, String, f64);
 
 /// Floor that two cameras see.
 #[derive(Debug)]
@@ -238,10 +241,7 @@ impl Computed {
 }
 
 /// Returns the coloured rectangles of the visible floor, and the entries of the legend.
-fn coloured(
-    found: &SiteCoverage<'_>,
-    shading: Shading,
-) -> (Vec<FloorRectangle<Rgb>>, Vec<(Rgb, String, f64)>) {
+fn coloured(found: &SiteCoverage<'_>, shading: Shading) -> (Vec<FloorRectangle<Rgb>>, Vec<LegendEntry>) {
     let coverage = &found.coverage;
     match shading {
         Shading::Level => {

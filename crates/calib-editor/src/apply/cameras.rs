@@ -80,9 +80,11 @@ impl Editor {
         }
     }
 
-    pub(super) fn blend_replaced(&mut self, share: f32) {
-        if let Some(old) = &mut self.replaced_image {
-            old.opacity = share;
+    pub(super) fn blend_replaced(&mut self, share: Option<f32>) {
+        match (share, &mut self.replaced_image) {
+            (Some(share), Some(old)) => old.opacity = share,
+            (None, shown) => *shown = None,
+            (Some(_), None) => {}
         }
     }
 

@@ -52,7 +52,6 @@ impl Editor {
             Action::AddCamera { image, joins_last } => self.add_camera(image, joins_last),
             Action::ReplaceImage(of, image) => self.replace_image(of, image),
             Action::BlendReplacedImage(share) => self.blend_replaced(share),
-            Action::HideReplacedImage => self.replaced_image = None,
             Action::RescaleToImage => self.rescale_to_image(),
             Action::Rename(id) => self.rename_camera(&id),
             Action::Name(name) => self.name_camera(name),
