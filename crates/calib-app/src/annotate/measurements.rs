@@ -40,7 +40,9 @@ pub(crate) fn paint_on_image(app: &App, camera: usize, overlay: &Overlay, painte
         for at in overlay.path(&own) {
             handle(painter, at, on_image::WAITING);
         }
-        let text = shown.text(index, measurement, units);
+        // The panel states the reason.
+        let is_valid = matches!(shown.values.get(index), Some(Ok(_)));
+        let text = if is_valid { shown.text(index, measurement, units) } else { "not measured".into() };
         let at = overlay.path(&[last]).first().copied().unwrap_or_default();
         tag(painter, at + Vec2::new(8.0, 8.0), Align2::LEFT_TOP, &text, on_image::WHITE);
     }

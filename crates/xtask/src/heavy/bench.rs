@@ -12,7 +12,12 @@ use crate::heavy::{archives, py, weight};
 /// Benchmark programs of other crates: package, program, and keys of the JSON object.
 ///
 /// They are separate programs, so that the other commands of this crate build without a window system.
-const PROGRAMS: [(&str, &str, &[&str]); 5] = [
+const PROGRAMS: [(&str, &str, &[&str]); 6] = [
+    (
+        "calib-core",
+        "coverage",
+        &["coverage_100_cameras_s", "coverage_100_distorted_cameras_s", "hand_overs_100_cameras_s"],
+    ),
     (
         "calib-core",
         "floor_mapping",
@@ -47,6 +52,7 @@ const PROGRAMS: [(&str, &str, &[&str]); 5] = [
             "app_drag_fisheye_edge_ms",
             "app_pan_12_megapixels_ms",
             "app_plan_wheel_40_cameras_ms",
+            "app_drag_coverage_ms",
         ],
     ),
 ];

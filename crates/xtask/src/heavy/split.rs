@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
 /// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
-const REST: [&str; 116] = [
+const REST: [&str; 119] = [
     // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
@@ -38,6 +38,7 @@ const REST: [&str; 116] = [
     "calib_site::measurement",
     "calib_core::floor::coverage",
     "calib_core::floor::density_border",
+    "calib_core::floor::hand_over",
     "calib_core::single::abramov",
     "calib_site::geographic::typed_degrees",
     "calib_site::geographic::angle",
@@ -47,7 +48,9 @@ const REST: [&str; 116] = [
     "kurbo::cubicbez",
     "kurbo::offset",
     "kurbo::stroke",
+    "calib_app::compare::panel::glance",
     "calib_app::compare::panel::judgement",
+    "calib_app::compare::panel::numbers",
     "calib_app::compare::panel::since",
     "calib_app::export",
     "calib_app::files::answers",
