@@ -245,7 +245,9 @@ fn hand_over_zones_state_how_far_two_cameras_disagree() {
     let area = |zone: &Value| zone["area_m2"].as_f64().unwrap();
     assert!(zones.len() >= 3 && zones.windows(2).all(|pair| area(&pair[0]) >= area(&pair[1])));
     let camera = |id: &Value| site.cameras.iter().find(|entry| id == &entry.id).unwrap().camera().unwrap();
-    for zone in zones.iter().filter(|zone| zone["disagreement_m"].is_f64()) {
+    let known: Vec<&Value> = zones.iter().filter(|zone| zone["disagreement_m"].is_f64()).collect();
+    assert!(known.len() >= 3, "{zones:?}");
+    for zone in &known {
         let [rms, worst] = ["disagreement_m", "worst_disagreement_m"].map(|key| zone[key].as_f64().unwrap());
         assert!(0.0 < rms && rms <= worst, "{zone}");
         let at = zone["worst_m"].as_array().unwrap();
@@ -260,7 +262,20 @@ fn hand_over_zones_state_how_far_two_cameras_disagree() {
         let [least, most] = [(sigmas[0] - sigmas[1]).abs(), sigmas[0] + sigmas[1]];
         assert!((least..=most * (1.0 + 1e-6)).contains(&worst), "{zone}: {sigmas:?}");
     }
-    // A camera that is placed by hand has no known error of its position.
+    // Cameras of one joint solution have common errors, which cancel. Without the joint solution they are unknown.
+    let mut stale = site.clone();
+    stale.solution = None;
+    scratch.write("demo/stale.json", stale.to_json());
+    let report = scratch.calib(&["coverage", "demo/stale.json", "--format", "json", "--height-m", "1.6"]);
+    let report: Value = serde_json::from_str(&report.stdout).unwrap();
+    let pair = |zones: &Value| {
+        let of_pair = |zone: &&Value| zone["cameras"] == serde_json::json!(["shop-1", "shop-3"]);
+        zones.as_array().unwrap().iter().find(of_pair).unwrap().clone()
+    };
+    let unknown = pair(&report["hand_overs"]);
+    assert!(unknown["disagreement_m"].is_null(), "{unknown}");
+    assert!(unknown["unknown"].as_str().unwrap().contains("does not contain the correlation"), "{unknown}");
+    // A camera whose errors are unknown.
     let mut by_hand = site;
     let shop = by_hand.cameras.iter_mut().find(|entry| entry.id == "shop-1").unwrap();
     let solution = shop.solution.as_mut().unwrap();

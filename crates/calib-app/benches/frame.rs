@@ -14,7 +14,7 @@ use calib_core::Kind;
 use calib_editor::Pane;
 use calib_editor::Part;
 use calib_editor::Session;
-use calib_site::Site;
+use calib_site::{FixedEntry, PlacementEntry, Site};
 use desk::{Desk, demo};
 use egui::{Event, Key, Modifiers, PointerButton, Pos2};
 
@@ -171,7 +171,14 @@ fn coverage_drags() -> Vec<f64> {
     let mut site = demo();
     // A camera with control points cannot be dragged.
     site.cameras[0].control_points.clear();
-    site.cameras[0].placement = Some(calib_site::PlacementEntry::default());
+    site.cameras[0].placement = Some(PlacementEntry {
+        move_m: [18.0, 10.0].into(),
+        turn_deg: 130.0,
+        scale: Some(1.3),
+        fixed: false,
+        held: FixedEntry::default(),
+        estimated: false,
+    });
     site.links.clear();
     let mut desk = Desk::new(site);
     desk.key(Key::Num2);

@@ -22,7 +22,7 @@ use crate::plan::coverage::{legend_ui, paint_borders, paint_coverage, update_cov
 use crate::plan::drawing_fields::snapped;
 use crate::plan::floor::Floor;
 use crate::plan::north::paint_north;
-use crate::state::{App, Place};
+use crate::state::{App, Mode, Place};
 use crate::theme::{self, on_image};
 
 /// Largest movement of the pointer during a click, in points.
@@ -85,7 +85,7 @@ fn pointer_events(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &Mapping)
                 if app.view.panes.captured == Some(key) =>
             {
                 app.view.panes.moved |= pos.distance(app.view.panes.pressed) > MAX_CLICK_MOVEMENT;
-                send_pointer(app, ui, key.1, mapping, pos, Phase::Release, modifiers);
+                send_pointer(app, ui, key, mapping, pos, Phase::Release, modifiers);
                 app.view.panes.captured = None;
             }
             _ => {}
@@ -108,7 +108,7 @@ fn handle_move(
         app.view.panes.moved |= holds && at.distance(app.view.panes.pressed) > MAX_CLICK_MOVEMENT;
         app.view.panes.cursor = Some((key.1, mapping.document(at)));
         let phase = if holds { Phase::Drag } else { Phase::Hover };
-        send_pointer(app, ui, key.1, mapping, at, phase, modifiers);
+        send_pointer(app, ui, key, mapping, at, phase, modifiers);
     } else if app.view.panes.cursor.is_some_and(|(pane, _)| pane == key.1)
         && (is_covered || !mapping.rect.contains(at))
     {
@@ -140,12 +140,14 @@ fn handle_press(
     (panes.captured, panes.active) = (Some(key), Some(key));
     (panes.pressed, panes.moved) = (at, false);
     panes.cursor = Some((key.1, mapping.document(at)));
-    send_pointer(app, ui, key.1, mapping, at, Phase::Press, modifiers);
+    send_pointer(app, ui, key, mapping, at, Phase::Press, modifiers);
 }
 
 /// Returns the newer image of a camera if the canvas shows it at a screen point.
-fn newer_under(app: &App, camera: usize, at: Pos2) -> Option<NewerUnderPointer> {
+fn newer_under(app: &App, key: (Place, Pane), at: Pos2) -> Option<NewerUnderPointer> {
+    let (Place::Main, Pane::Image(camera)) = key else { return None };
     let is_under = app.view.panes.newer_from.is_some_and(|(of, from)| of == camera && at.x >= from);
+    let is_under = is_under && app.view.mode == Mode::Image;
     app.editor.newer(camera).filter(|_| is_under).map(NewerUnderPointer::from)
 }
 
@@ -153,12 +155,13 @@ fn newer_under(app: &App, camera: usize, at: Pos2) -> Option<NewerUnderPointer> 
 fn send_pointer(
     app: &mut App,
     ui: &Ui,
-    pane: Pane,
+    key: (Place, Pane),
     mapping: &Mapping,
     at: Pos2,
     phase: Phase,
     modifiers: Modifiers,
 ) {
+    let pane = key.1;
     let is_black = mapping.bend.is_some_and(|bend| bend.size().is_some()) && mapping.bent_at(at).is_none();
     // A gesture cannot start outside the image of a fisheye window; a running gesture stays at its last
     // point.
@@ -188,10 +191,7 @@ fn send_pointer(
         moved: app.view.panes.moved,
         double: app.view.panes.double,
         edge: offer,
-        newer: match pane {
-            Pane::Image(camera) => newer_under(app, camera, at),
-            Pane::Plan => None,
-        },
+        newer: newer_under(app, key, at),
         image: still,
     };
     app.act(Action::Pointer(pointer));

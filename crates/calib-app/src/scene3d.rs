@@ -99,6 +99,11 @@ fn paint_coverage(
         let closed: Vec<WorldPoint> = outline.into_iter().chain([outline[0]]).collect();
         polyline(painter, rect, orbit, &closed, Pen::new(on_image::WHITE, 1.5));
     }
+    let zones = shown.result.as_ref().ok().map(|found| &found.hand_overs);
+    let pointed = shown.pointed.zip(zones).and_then(|(index, zones)| zones.get(index));
+    if let Some(at) = pointed.and_then(|zone| orbit.project(rect, zone.middle.at_height(shown.height))) {
+        handle(painter, at, on_image::WAITING);
+    }
     for area in &session.site.areas {
         let corners = area.polygon_m.iter().chain(area.polygon_m.first());
         let closed: Vec<WorldPoint> = corners.map(|corner| corner.at_height(0.0)).collect();

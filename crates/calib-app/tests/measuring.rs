@@ -104,7 +104,12 @@ fn areas_are_measured_corner_by_corner() {
     assert_shown(&desk, expected, " m\u{b2} \u{b1}");
     desk.click(IMAGE, corners[0]);
     desk.key(Key::Escape);
-    assert_eq!(desk.site().measurements.len(), 1);
+    desk.take("Measure");
+    for corner in [corners[1], corners[2], corners[0]] {
+        desk.click(IMAGE, corner);
+    }
+    desk.key(Key::Escape);
+    assert_eq!(desk.site().measurements.len(), 1, "the corner before Escape is forgotten");
 }
 
 #[test]
@@ -130,7 +135,7 @@ fn speed_needs_the_time_between_its_points() {
     measure(&mut desk, MeasurementKind::Speed, 0.0);
     ends.into_iter().for_each(|at| desk.click(IMAGE, at));
     assert!(desk.words().iter().any(|word| word.contains("needs the time between")), "{:?}", desk.words());
-    let mut type_seconds = |text: &str| {
+    let type_seconds = |desk: &mut Desk, text: &str| {
         desk.harness.get_by_label("Seconds between the points").focus();
         desk.harness.run_steps(2);
         desk.harness.get_by_label("Seconds between the points").type_text(text);
@@ -138,8 +143,9 @@ fn speed_needs_the_time_between_its_points() {
         desk.key(Key::Enter);
         desk.harness.run_steps(2);
     };
-    type_seconds("soon");
-    type_seconds("0,48");
+    type_seconds(&mut desk, "soon");
+    assert_eq!(desk.site().measurements[0].duration_s, None);
+    type_seconds(&mut desk, "0,48");
     assert_eq!(desk.site().measurements[0].duration_s, Some(0.48));
     assert_shown(&desk, from.distance(to) / 0.48, " m/s \u{b1}");
     desk.undo();
@@ -193,6 +199,28 @@ fn speed_between_two_images_has_the_times_of_their_names() {
     let solved = found.solved.write_into(&found.site);
     assert!((solved.measure(speed).unwrap().value - expected).abs() < 0.02 * expected);
     assert!(desk.words().iter().any(|word| word.starts_with("The times are whole seconds")));
+}
+
+#[test]
+fn blinking_does_not_split_a_click() {
+    let scratch = Scratch::new();
+    let mut desk = compared(&scratch, |camera| *camera);
+    let [w, h] = desk.site().cameras[0].size();
+    measure(&mut desk, MeasurementKind::Length, 0.0);
+    show(&mut desk, Showing::Old);
+    let at = desk.screen(IMAGE, [0.4 * w, 0.7 * h]);
+    let button = |desk: &mut Desk, pressed: bool| {
+        let (button, modifiers) = (egui::PointerButton::Primary, Modifiers::NONE);
+        desk.harness.event(egui::Event::PointerButton { pos: at, button, pressed, modifiers });
+        desk.harness.run_steps(2);
+    };
+    desk.harness.event(egui::Event::PointerMoved(at));
+    button(&mut desk, true);
+    show(&mut desk, Showing::New);
+    button(&mut desk, false);
+    assert!(desk.site().measurements.is_empty(), "{:?}", desk.site().measurements);
+    desk.click(IMAGE, [0.6 * w, 0.7 * h]);
+    assert_eq!(desk.site().measurements.len(), 1);
 }
 
 #[test]

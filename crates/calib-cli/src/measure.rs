@@ -111,7 +111,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
         Format::Json => format!("{}\n", as_json(&measurement, found)),
         Format::Text => format!("{}\n", measurement_text(&measurement, found, file.site.units)),
     })?;
-    remark(&file.site, &measurement, found);
+    remark(&file.site, "", &measurement, found);
     Ok(())
 }
 
@@ -149,7 +149,7 @@ fn stored(file: &SiteFile, args: &Args) -> Result<(), CommandError> {
         match file.site.measure(measurement) {
             Ok(found) => {
                 let mut value = as_json(measurement, found);
-                remark(&file.site, measurement, found);
+                remark(&file.site, &format!("{name}: "), measurement, found);
                 value["id"] = json!(measurement.id);
                 list.push(value);
                 text.push_str(&format!(
@@ -187,10 +187,10 @@ fn warn_assumed_scale(site: &Site, measurement: &Measurement) {
     notes.iter().for_each(|note| print_message(format_args!("calib: {note}")));
 }
 
-/// Prints a sentence about a speed whose times are whole seconds.
-fn remark(site: &Site, measurement: &Measurement, found: Measured) {
+/// Prints a sentence about a speed whose times are whole seconds, after `prefix`.
+fn remark(site: &Site, prefix: &str, measurement: &Measurement, found: Measured) {
     if let Some(remark) = speed_remark(measurement, found, site.units) {
-        print_message(format_args!("calib: {remark}"));
+        print_message(format_args!("calib: {}{remark}", escape_control_characters(prefix)));
     }
 }
 

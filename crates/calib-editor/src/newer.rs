@@ -9,7 +9,7 @@ use std::path::Path;
 use calib_core::Camera;
 
 use calib_image::{CameraChange, Comparison};
-use calib_input::time_in_name;
+use calib_input::{second_in_name, time_in_name};
 use calib_site::{Recovered, Site, SiteCamera};
 
 use crate::images::camera_name;
@@ -72,21 +72,22 @@ impl NewerImage {
 #[must_use]
 pub fn valid_since(session: &Session, camera: usize) -> Option<u64> {
     let entry = session.site.cameras.get(camera)?;
-    let valid_from = entry.valid_from.clone().or_else(|| image_time(session, camera))?;
+    let of_still = || {
+        let name = session.images.shown_name(entry.image.as_deref()?);
+        time_in_name(&camera_name(Path::new(&name)))
+    };
+    let valid_from = entry.valid_from.clone().or_else(of_still)?;
     u64::try_from(nanoseconds(&valid_from)? / 1_000_000_000).ok()
 }
 
-/// Returns the time (RFC 3339) in the name of the image of a camera.
-pub(crate) fn image_time(session: &Session, camera: usize) -> Option<String> {
-    let name = session.images.shown_name(session.site.cameras.get(camera)?.image.as_deref()?);
-    time_in_name(&camera_name(Path::new(&name)))
+/// Returns the time (RFC 3339) in the name of an image of the session, if the name states the second.
+pub(crate) fn image_time(session: &Session, image: &str) -> Option<String> {
+    second_in_name(&session.images.shown_name(image))
 }
 
 impl From<&NewerImage> for NewerUnderPointer {
     fn from(newer: &NewerImage) -> Self {
-        let name = camera_name(Path::new(&newer.title));
-        let is_in_place = newer.comparison.change == CameraChange::Unchanged;
-        Self { time: time_in_name(&name), is_in_place }
+        Self { image: newer.image.clone(), change: newer.comparison.change }
     }
 }
 
@@ -99,10 +100,10 @@ fn nanoseconds(time: &str) -> Option<i64> {
 /// Newer image of a camera that is shown under the pointer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NewerUnderPointer {
-    /// Time in the name of the image (RFC 3339).
-    pub time: Option<String>,
-    /// Whether the camera is unchanged since its calibration.
-    pub is_in_place: bool,
+    /// Name of the image in the site.
+    pub image: String,
+    /// Change of the camera since its calibration.
+    pub change: CameraChange,
 }
 
 /// Action on newer images of cameras.

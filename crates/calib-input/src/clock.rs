@@ -42,10 +42,19 @@ fn format_offset(offset: Option<i16>) -> String {
 /// is taken as UTC, because file names have no zone.
 #[must_use]
 pub fn time_in_name(name: &str) -> Option<String> {
-    let times = (0..name.len())
-        .filter(|&start| is_number_start(name, start))
-        .filter_map(|start| time_at(&name[start..]));
-    times.map(|time| time.to_string()).next()
+    times(name).next().map(|(time, _)| time.to_string())
+}
+
+/// Returns the time in the name of an image, as [`time_in_name`], if the name states the second.
+#[must_use]
+pub fn second_in_name(name: &str) -> Option<String> {
+    times(name).next().filter(|(_, has_second)| *has_second).map(|(time, _)| time.to_string())
+}
+
+/// Returns the times in a name, and whether each states the second.
+fn times(name: &str) -> impl Iterator<Item = (Timestamp, bool)> {
+    let starts = (0..name.len()).filter(|&start| is_number_start(name, start));
+    starts.filter_map(|start| time_at(&name[start..]))
 }
 
 fn is_number_start(name: &str, start: usize) -> bool {
@@ -53,8 +62,9 @@ fn is_number_start(name: &str, start: usize) -> bool {
     is_digit(start) && !(start > 0 && is_digit(start - 1))
 }
 
-/// Parses a time at the start of a text: year, month and day, then hour and minute, then optional seconds.
-fn time_at(text: &str) -> Option<Timestamp> {
+/// Parses a time at the start of a text: year, month and day, then hour and minute, then optional seconds. Also returns
+/// whether there are seconds.
+fn time_at(text: &str) -> Option<(Timestamp, bool)> {
     let mut rest = text;
     let mut number = |digits: usize| {
         let skipped = rest.trim_start_matches(['-', '_', ':', '.', 'T', ' ']);
@@ -71,10 +81,11 @@ fn time_at(text: &str) -> Option<Timestamp> {
     let second = number(2);
     // Digits that are followed by a letter, as in 1080p, are not seconds.
     let ends = !rest.starts_with(|next: char| next.is_alphanumeric() && next != 'Z');
-    let second = second.filter(|&second| ends && second < 60).unwrap_or(0);
+    let stated = second.filter(|&second| ends && second < 60);
+    let second = stated.unwrap_or(0);
     let is_of_now = (1990..2200).contains(&year);
     let text = format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z");
-    text.parse().ok().filter(|_| is_of_now)
+    text.parse().ok().filter(|_| is_of_now).map(|time| (time, stated.is_some()))
 }
 
 #[cfg(test)]

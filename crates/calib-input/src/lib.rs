@@ -18,7 +18,7 @@ mod relative;
 #[cfg(feature = "write")]
 mod part;
 
-pub use clock::time_in_name;
+pub use clock::{second_in_name, time_in_name};
 pub use file::{DocumentError, FileError, OutOfMemory, check_memory, json_document, read, read_from};
 #[cfg(feature = "write")]
 pub use part::{PartialFile, PathError, resolve_target};

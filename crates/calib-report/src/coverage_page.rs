@@ -111,9 +111,9 @@ impl CoveragePage<'_> {
         }
         html.push_str(
             "<h3>Hand-over zones</h3><p class=dim>Floor that two cameras see. Both compute the position of the same \
-             person or object; the expected disagreement is the RMS distance of the two positions from the errors of \
-             the calibration. The errors of a detector come in addition.</p>\n<table><thead><tr><th>Cameras<th \
-             class=n>Area<th>Expected disagreement</tr></thead><tbody>\n",
+             target. The expected disagreement is the RMS distance of the two positions. It contains the errors of the \
+             calibration, for targets exactly at the stated height. The errors of a detector, and of the height, come in \
+             addition.</p>\n<table><thead><tr><th>Cameras<th class=n>Area<th>Expected disagreement</tr></thead><tbody>\n",
         );
         for zone in zones.iter().take(MAX_ZONES) {
             let [a, b] = self.coverage.ids_of(zone).map(escape);

@@ -67,14 +67,17 @@ pub fn measurement_text(measurement: &Measurement, found: Measured, units: Units
 /// Returns a sentence about a speed whose times are whole seconds.
 #[must_use]
 pub fn speed_remark(measurement: &Measurement, found: Measured, units: Units) -> Option<String> {
-    let [low, high] = speed_limits(measurement, found.value)?;
+    let (low, high) = speed_limits(measurement, found.value)?;
     let text = |speed: f64| units.number(speed, 2);
-    let (unit, low) = (format!("{}/s", units.symbol()), low.map_or_else(|| "0".into(), text));
+    let (unit, low) = (format!("{}/s", units.symbol()), text(low));
     Some(match high {
         Some(high) => {
-            format!("The times are whole seconds, so the speed can be {low} to {} {unit}.", text(high))
+            let limits = format!("{low} to {} {unit}", text(high));
+            format!("The times are whole seconds. They alone allow {limits}; the \u{b1} comes in addition.")
         }
-        None => format!("The times are whole seconds, so the speed is at least {low} {unit}."),
+        None => format!(
+            "The times are whole seconds. They alone allow any speed above {low} {unit}; the \u{b1} comes in addition."
+        ),
     })
 }
 

@@ -11,7 +11,7 @@ use crate::bundle_step::BundleResult;
 use crate::camera_result::CameraResult;
 use crate::document::Site;
 use crate::site_solution::CrossCovarianceEntry;
-use crate::solution::{CovarianceEntry, Sigmas};
+use crate::solution::{CovarianceEntry, Sigmas, Stage};
 
 /// Returns the factor from the internal unit of a parameter to its unit in files: degrees for angles.
 pub(crate) fn unit_in_file(index: usize) -> f64 {
@@ -314,7 +314,14 @@ impl Site {
         }))
     }
 
-    /// Returns the cross-covariance of the parameters of two cameras; zeros if they were not solved jointly.
+    /// Whether a camera has a joint solution.
+    fn is_refined(&self, id: &str) -> bool {
+        let entries = self.cameras.iter().filter(|entry| entry.id == id);
+        entries.filter_map(|entry| entry.solution.as_ref()).any(|solution| solution.stage == Stage::Refined)
+    }
+
+    /// Returns the cross-covariance of the parameters of two cameras; zeros if they were not solved jointly, `None` if it
+    /// is unknown.
     pub(crate) fn covariance_between(
         &self,
         [a, b]: [&str; 2],
@@ -335,7 +342,14 @@ impl Site {
             return Some(entry.swapped().covariance(cameras));
         }
         let is_tied = |group: &Vec<String>| [a, b].iter().all(|id| group.iter().any(|other| other == id));
-        let tied = solution.is_some_and(|solution| solution.components.iter().any(is_tied));
+        let tied = match solution {
+            Some(solution) => solution.components.iter().any(is_tied),
+            // The joint solution is out of date: its cameras are correlated, but the correlation is lost.
+            None => {
+                [a, b].iter().all(|id| self.is_refined(id))
+                    && cameras.iter().any(|camera| camera.covariance != Covariance::EXACT)
+            }
+        };
         (!tied).then(|| Box::new([[0.0; Covariance::SIZE]; Covariance::SIZE]))
     }
 }

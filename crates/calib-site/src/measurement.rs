@@ -218,11 +218,11 @@ impl Site {
     }
 }
 
-/// Lower and upper limit of a speed whose times are whole seconds: each time can be wrong by up to a second in the
-/// same direction, so the duration by less than one second. `None` if the times are finer, or if the duration was
-/// entered.
+/// Returns the lower and the upper limit of a speed whose times are whole seconds: the duration can be wrong by almost
+/// one second. The upper limit is `None` for a duration of one second. Returns `None` if the times are finer, or if the
+/// duration was entered.
 #[must_use]
-pub fn speed_limits(measurement: &Measurement, speed: f64) -> Option<[Option<f64>; 2]> {
+pub fn speed_limits(measurement: &Measurement, speed: f64) -> Option<(f64, Option<f64>)> {
     let seconds = duration(&measurement.points).filter(|_| measurement.duration_s.is_none())?;
     let is_whole = |point: &MeasurementPoint| {
         let time = point.at.as_ref()?.parse::<Timestamp>().ok()?;
@@ -233,7 +233,7 @@ pub fn speed_limits(measurement: &Measurement, speed: f64) -> Option<[Option<f64
         return None;
     }
     let path = speed * seconds;
-    Some([Some(path / (seconds + 1.0)), (seconds > 1.0).then(|| path / (seconds - 1.0))])
+    Some((path / (seconds + 1.0), (seconds > 1.0).then(|| path / (seconds - 1.0))))
 }
 
 /// Cameras of a measurement, each once, and its points.
@@ -244,4 +244,29 @@ fn duration(points: &[MeasurementPoint]) -> Option<f64> {
     let time = |point: &MeasurementPoint| point.at.as_ref()?.parse::<Timestamp>().ok();
     let seconds = time(points.last()?)?.duration_since(time(points.first()?)?).as_secs_f64();
     (seconds > 0.0).then_some(seconds)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn speed(times: [&str; 2]) -> Measurement {
+        let point = |time: &str| MeasurementPoint {
+            at: Some(time.into()),
+            ..MeasurementPoint::new("gate".into(), Pixel::new(1.0, 2.0))
+        };
+        Measurement::new(MeasurementKind::Speed, times.map(point).to_vec())
+    }
+
+    #[test]
+    fn whole_seconds_limit_a_speed() {
+        let of = |from, to| speed_limits(&speed([from, to]), 5.0);
+        let four = of("2026-05-01T08:00:00Z", "2026-05-01T08:00:04Z").unwrap();
+        assert_eq!(four, (4.0, Some(20.0 / 3.0)));
+        assert_eq!(of("2026-05-01T08:00:00Z", "2026-05-01T08:00:01Z"), Some((2.5, None)));
+        assert_eq!(of("2026-05-01T08:00:00.25Z", "2026-05-01T08:00:04Z"), None);
+        let entered =
+            Measurement { duration_s: Some(3.9), ..speed(["2026-05-01T08:00:00Z", "2026-05-01T08:00:04Z"]) };
+        assert_eq!(speed_limits(&entered, 5.0), None);
+    }
 }

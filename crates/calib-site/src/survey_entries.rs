@@ -67,7 +67,8 @@ document! {
         /// Measured points, in order.
         #[serde(deserialize_with = "bounds::items")]
         points: Vec<MeasurementPoint>,
-        /// Time from the first point to the last, in seconds, for a speed; otherwise their times decide.
+        /// Time from the first point to the last, in seconds, for a speed; if absent, it is the difference of their
+        /// times `at`.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         duration_s: Option<f64>,
     }

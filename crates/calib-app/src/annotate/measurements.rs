@@ -4,7 +4,7 @@ use calib_core::{Kind, Pixel};
 use calib_editor::edit::add_line;
 use calib_editor::{Action, TOOLS};
 use calib_report::measurement_name;
-use calib_site::{Measurement, MeasurementKind};
+use calib_site::{Measurement, MeasurementKind, MeasurementPoint};
 use egui::{Align2, Painter, RichText, Ui, Vec2};
 
 use crate::icons::{self, Icon, Look};
@@ -27,16 +27,18 @@ pub(crate) fn paint_on_image(app: &App, camera: usize, overlay: &Overlay, painte
     let (Some(entry), Some(shown)) = (session.site.cameras.get(camera), &app.measurements) else { return };
     let units = session.site.units;
     for (index, measurement) in session.site.measurements.iter().enumerate() {
-        let own: Vec<Pixel> = measurement
-            .points
-            .iter()
-            .filter(|point| point.camera == entry.id)
-            .map(|point| point.px)
-            .collect();
+        let points = &measurement.points;
+        let is_own = |point: &&MeasurementPoint| point.camera == entry.id;
+        let own: Vec<Pixel> = points.iter().filter(is_own).map(|point| point.px).collect();
         let Some(&last) = own.last() else { continue };
-        let is_area = measurement.kind == MeasurementKind::Area && own.len() > 2;
-        let closed: Vec<Pixel> = own.iter().chain(own.first().filter(|_| is_area)).copied().collect();
-        line(painter, &overlay.curve(&closed), Pen::new(on_image::WAITING, 2.0));
+        let is_area = measurement.kind == MeasurementKind::Area;
+        let closing = points.last().zip(points.first()).filter(|_| is_area);
+        // Points of other cameras interrupt the line.
+        for (a, b) in points.iter().zip(points.iter().skip(1)).chain(closing) {
+            if is_own(&a) && is_own(&b) {
+                line(painter, &overlay.curve(&[a.px, b.px]), Pen::new(on_image::WAITING, 2.0));
+            }
+        }
         for at in overlay.path(&own) {
             handle(painter, at, on_image::WAITING);
         }
@@ -157,10 +159,7 @@ fn row(app: &mut App, ui: &mut Ui, index: usize, measurement: &Measurement) {
     if let Some(remark) = remark {
         ui.label(RichText::new(remark).small().color(palette.warn));
     }
-    let has_times = measurement.points.iter().all(|point| point.at.is_some());
-    if measurement.kind == MeasurementKind::Speed
-        && (!has_times || !is_valid || measurement.duration_s.is_some())
-    {
+    if measurement.kind == MeasurementKind::Speed {
         duration_ui(app, ui, index, measurement);
     }
     if let Some(action) = action {

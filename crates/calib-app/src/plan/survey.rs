@@ -7,7 +7,7 @@ use egui::{ComboBox, RichText, ScrollArea, Ui, Vec2};
 
 use crate::icons::{self, Icon, Look};
 use crate::plan::drawing_fields::walls_menu;
-use crate::state::App;
+use crate::state::{App, Mode};
 use crate::theme;
 use crate::widgets::{entered_text, heading, length_field};
 
@@ -27,6 +27,9 @@ pub(crate) fn survey_ui(app: &mut App, ui: &mut Ui) {
         ] {
             let tool = TOOLS.iter().position(|tool| tool.icon == icon);
             if ui.button(text).on_hover_text(tip).clicked() {
+                if app.view.mode == Mode::Scene {
+                    app.view.mode = Mode::Plan;
+                }
                 tool.into_iter().for_each(|tool| app.send(Action::SelectTool(tool)));
             }
         }
@@ -45,7 +48,7 @@ pub(crate) fn hand_overs_ui(app: &mut App, ui: &mut Ui) {
     let Some(found) = shown.result.as_ref().ok().filter(|found| !found.hand_overs.is_empty()) else { return };
     let mut pointed = None;
     let tip = "Floor that two cameras see. The expected disagreement is the RMS distance between the positions that \
-               both compute for one target. The errors of a detector come in addition";
+               both compute for one target exactly at the chosen height. The errors of a detector come in addition";
     heading(ui, "Hand-over zones", "expected disagreement");
     let row_height = 2.0 * ui.text_style_height(&egui::TextStyle::Body) + 6.0;
     ScrollArea::vertical().id_salt("hand-over zones").max_height(MAX_HEIGHT).show_rows(

@@ -158,19 +158,7 @@ fn right(app: &mut App, ui: &mut Ui) {
                     annotations::annotations_ui(app, ui);
                 });
             }
-            Mode::Plan => {
-                surveyed(app, ui);
-                section(ui, |ui| {
-                    placement::placement_ui(app, ui);
-                    links::far_apart(app, ui);
-                });
-                section(ui, |ui| agreement::agreement_ui(app, ui));
-                section(ui, |ui| placement::handles(app, ui));
-                section(ui, |ui| warnings::warnings_ui(app, ui));
-                section(ui, |ui| placement::plan(app, ui));
-                section(ui, |ui| planes::planes_ui(app, ui));
-                points_ui(app, ui);
-            }
+            Mode::Plan => beside_plan(app, ui),
             Mode::All | Mode::Scene => {
                 surveyed(app, ui);
                 section(ui, |ui| warnings::health_ui(app, ui));
@@ -186,6 +174,22 @@ fn right(app: &mut App, ui: &mut Ui) {
             }
         }
     });
+}
+
+/// Shows the panels beside the plan.
+fn beside_plan(app: &mut App, ui: &mut Ui) {
+    surveyed(app, ui);
+    measured(app, ui);
+    section(ui, |ui| {
+        placement::placement_ui(app, ui);
+        links::far_apart(app, ui);
+    });
+    section(ui, |ui| agreement::agreement_ui(app, ui));
+    section(ui, |ui| placement::handles(app, ui));
+    section(ui, |ui| warnings::warnings_ui(app, ui));
+    section(ui, |ui| placement::plan(app, ui));
+    section(ui, |ui| planes::planes_ui(app, ui));
+    points_ui(app, ui);
 }
 
 /// Shows areas of interest, walls and hand-over zones while the coverage is shown.

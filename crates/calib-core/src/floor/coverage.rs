@@ -326,7 +326,7 @@ pub struct Coverage {
     pub best: Vec<Option<usize>>,
     /// Number of cameras that see the target.
     pub seen_by: Vec<usize>,
-    /// For every camera, the runs of points that it sees, in ascending order.
+    /// For every camera, the runs of points that it sees, each within a row, in ascending order.
     pub visible: Vec<Vec<Range<usize>>>,
 }
 
@@ -358,7 +358,7 @@ impl Coverage {
         camera.each_visible(&around, grid, height, |at, density| {
             self.seen_by[at] += 1;
             match self.visible[index].last_mut() {
-                Some(run) if run.end == at => run.end += 1,
+                Some(run) if run.end == at && at % grid.columns != 0 => run.end += 1,
                 _ => self.visible[index].push(at..at + 1),
             }
             if self.best[at].is_none() || density > self.density[at] {

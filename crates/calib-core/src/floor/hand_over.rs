@@ -35,7 +35,7 @@ pub struct HandOver {
 pub struct Disagreement {
     /// RMS over the zone.
     pub rms: f64,
-    /// RMS at the worst of the points that were used.
+    /// RMS at the worst point: of the sample, and of the points that are farthest in eight directions.
     pub worst: f64,
     /// Floor point with the largest expected disagreement.
     pub worst_at: FloorPoint,
@@ -85,10 +85,47 @@ impl Zone {
         None
     }
 
-    /// Returns the grid indices of at most `most` points, evenly spread over the zone.
-    fn sample(&self, most: usize) -> impl Iterator<Item = usize> {
-        let count = self.points.min(most.max(1));
-        (0..count).filter_map(move |k| self.point((2 * k + 1) * self.points / (2 * count)))
+    /// Returns the grid indices of at most `most` points, evenly spread over the zone. The numbers are multiples of the
+    /// golden ratio, modulo one: a constant stride would fall on few columns.
+    fn sample(&self, most: usize) -> Vec<usize> {
+        const GOLDEN_RATIO: f64 = 0.618_033_988_749_894_9;
+        if self.points <= most {
+            return self.runs.iter().cloned().flatten().collect();
+        }
+        let number = |k: usize| ((k as f64 + 0.5) * GOLDEN_RATIO).fract() * self.points as f64;
+        (0..most.max(1)).filter_map(|k| self.point(number(k) as usize)).collect()
+    }
+
+    /// Returns the points that are farthest in eight directions. The disagreement is usually largest at one of them.
+    fn extremes(&self, grid: &FloorGrid) -> Vec<FloorPoint> {
+        let ends = self.runs.iter().flat_map(|run| [run.start, run.end - 1]).map(|index| grid.point(index));
+        let ends: Vec<FloorPoint> = ends.collect();
+        let directions = [[1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [-1.0, 1.0]];
+        let both = directions.into_iter().flat_map(|[x, y]| [[x, y], [-x, -y]]);
+        both.filter_map(|[x, y]| {
+            let along = |at: &FloorPoint| x * at.x + y * at.y;
+            ends.iter().copied().max_by(|a, b| along(a).total_cmp(&along(b)))
+        })
+        .collect()
+    }
+
+    /// Returns the point that is nearest to the centroid of the zone; `None` without points.
+    fn middle(&self, grid: &FloorGrid) -> Option<FloorPoint> {
+        let ends = |run: &Range<usize>| [grid.point(run.start), grid.point(run.end - 1)];
+        let mut sum = [0.0; 2];
+        for run in &self.runs {
+            let [first, last] = ends(run);
+            sum[0] += run.len() as f64 * 0.5 * (first.x + last.x);
+            sum[1] += run.len() as f64 * first.y;
+        }
+        let [x, y] = sum.map(|sum| sum / self.points as f64);
+        let nearest = |run: &Range<usize>| {
+            let column = ((x - grid.point(run.start).x) / grid.step).round().max(0.0) as usize;
+            grid.point(run.start + column.min(run.len() - 1))
+        };
+        let centroid = FloorPoint { x, y };
+        let nearest = self.runs.iter().map(nearest);
+        nearest.min_by(|a, b| a.distance(centroid).total_cmp(&b.distance(centroid)))
     }
 }
 
@@ -111,14 +148,16 @@ impl Coverage {
         for (a, of_a) in self.visible.iter().enumerate() {
             for (b, of_b) in self.visible.iter().enumerate().skip(a + 1) {
                 let zone = Zone::new(of_a, of_b);
-                let places: Vec<FloorPoint> =
-                    zone.sample(points_per_zone).map(|index| grid.point(index)).collect();
-                let Some(middle) = nearest_to_centroid(&places) else { continue };
+                let Some(middle) = zone.middle(grid) else { continue };
+                let sample = zone.sample(points_per_zone).into_iter().map(|index| grid.point(index));
+                let sample: Vec<FloorPoint> = sample.collect();
                 let pair = [cameras[a], cameras[b]];
                 let disagreement = match [a, b].into_iter().zip(pair).find_map(unknown_error) {
                     Some(why) => Err(why),
                     None => covariance_between(a, b)
-                        .and_then(|between| disagreement(pair, &between, &places, height))
+                        .and_then(|between| {
+                            disagreement(pair, &between, (&sample, &zone.extremes(grid)), height)
+                        })
                         .ok_or(UnknownDisagreement::Correlation),
                 };
                 zones.push(HandOver { cameras: [a, b], points: zone.points, middle, disagreement });
@@ -127,13 +166,6 @@ impl Coverage {
         zones.sort_by_key(|zone| std::cmp::Reverse(zone.points));
         zones
     }
-}
-
-/// Returns the point that is nearest to the centroid of all points; `None` without points.
-fn nearest_to_centroid(points: &[FloorPoint]) -> Option<FloorPoint> {
-    let mean = |of: fn(&FloorPoint) -> f64| points.iter().map(of).sum::<f64>() / points.len() as f64;
-    let centroid = FloorPoint { x: mean(|at| at.x), y: mean(|at| at.y) };
-    points.iter().copied().min_by(|a, b| a.distance(centroid).total_cmp(&b.distance(centroid)))
 }
 
 /// Returns why the errors of a camera are unknown; `None` if they are known.
@@ -151,24 +183,28 @@ fn unknown_error((index, of): (usize, CoverageCamera<'_>)) -> Option<UnknownDisa
     })
 }
 
-/// Computes the disagreement over some floor points. Returns `None` without points.
+/// Computes the disagreement over a sample of floor points; the worst point may also be an extreme point. Returns `None`
+/// without points.
 fn disagreement(
     pair: [CoverageCamera<'_>; 2],
     between: &CameraCovariance,
-    places: &[FloorPoint],
+    (sample, extremes): (&[FloorPoint], &[FloorPoint]),
     height: f64,
 ) -> Option<Disagreement> {
     let (mut sum, mut count) = (0.0, 0_usize);
     let mut worst: Option<(f64, FloorPoint)> = None;
-    for &place in places {
+    for (index, &place) in sample.iter().chain(extremes).enumerate() {
         let Some(variance) = variance_at(pair, between, place, height) else { continue };
-        (sum, count) = (sum + variance, count + 1);
+        if index < sample.len() {
+            (sum, count) = (sum + variance, count + 1);
+        }
         if worst.is_none_or(|(most, _)| variance > most) {
             worst = Some((variance, place));
         }
     }
     let (most, worst_at) = worst?;
-    Some(Disagreement { rms: (sum / count as f64).sqrt(), worst: most.sqrt(), worst_at })
+    let rms = (sum / count.max(1) as f64).sqrt();
+    Some(Disagreement { rms, worst: most.sqrt(), worst_at })
 }
 
 /// Returns the expected squared distance between the two positions of a target, in square metres.

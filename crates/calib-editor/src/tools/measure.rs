@@ -4,6 +4,7 @@
 //! Also the tool that draws the region of a plane other than the floor, corner by corner.
 
 use calib_core::{FloorPoint, Pixel};
+use calib_image::CameraChange;
 use calib_site::{Measurement, MeasurementKind, MeasurementPoint};
 
 use crate::newer::image_time;
@@ -20,48 +21,66 @@ pub(super) struct Measure {
     to: Option<[f64; 2]>,
     /// Points of the measurement in progress in the images; the last one follows the pointer.
     clicks: Vec<RulerClick>,
+    /// Image of the last press, which decides about its release: the shown image can change meanwhile. `None` if the
+    /// press was refused.
+    pressed: Option<RulerImage>,
+}
+
+/// Image in which a point was clicked.
+#[derive(Clone, Debug, PartialEq)]
+struct RulerImage {
+    /// Index of the camera.
+    camera: usize,
+    /// Name of the newer image, if the click was on it.
+    newer: Option<String>,
 }
 
 /// Click of a measurement.
 #[derive(Clone, Debug)]
 struct RulerClick {
-    /// Index of the camera.
-    camera: usize,
+    image: RulerImage,
     /// Raw pixel.
     pixel: Pixel,
-    /// Whether the click was on the newer image of the camera.
-    is_newer: bool,
-    /// Time in the name of the image (RFC 3339).
-    time: Option<String>,
 }
 
 impl RulerClick {
-    fn is_on_image_of(&self, other: &Self) -> bool {
-        self.camera == other.camera && self.is_newer == other.is_newer
+    /// Returns the time in the name of the image (RFC 3339), if it selects the calibration of the camera.
+    fn time(&self, session: &Session) -> Option<String> {
+        let entry = session.site.cameras.get(self.image.camera)?;
+        let time = image_time(session, self.image.newer.as_ref().or(entry.image.as_ref())?)?;
+        let found = session.site.camera_at(&entry.id, Some(&time)).ok()?;
+        std::ptr::eq(found, entry).then_some(time)
     }
 }
 
 impl Measure {
     /// Processes an event in an image. The points may be in different images.
     fn measure(&mut self, session: &mut Session, (camera, pixel): (usize, Pixel), pointer: &Pointer) {
-        let is_newer = pointer.newer.is_some();
-        let time = match &pointer.newer {
-            Some(newer) => newer.time.clone(),
-            None => image_time(session, camera),
+        let shown = RulerImage { camera, newer: pointer.newer.as_ref().map(|newer| newer.image.clone()) };
+        if pointer.phase == Phase::Press {
+            let refusal = pointer.newer.as_ref().and_then(|newer| refusal(newer.change));
+            self.pressed = refusal.is_none().then(|| shown.clone());
+            if let Some(refusal) = refusal {
+                session.note = Some(refusal.into());
+                return;
+            }
+        }
+        let image = match pointer.phase {
+            Phase::Drag | Phase::Release => {
+                let Some(pressed) = &self.pressed else { return };
+                // A drag ends in another camera's image, or in the image in which it began.
+                if pressed.camera == camera { pressed.clone() } else { shown }
+            }
+            Phase::Hover | Phase::Press => shown,
         };
-        let click = RulerClick { camera, pixel, is_newer, time };
-        if self.clicks.is_empty() && pointer.phase != Phase::Press {
-            return;
-        }
-        if pointer.phase != Phase::Hover && pointer.newer.as_ref().is_some_and(|newer| !newer.is_in_place) {
-            let what = "The camera has moved since its calibration. Recover it before you measure in the newer image.";
-            session.note = Some(what.into());
-            return;
-        }
+        let click = RulerClick { image, pixel };
         let Some(last) = self.clicks.last_mut() else {
-            (self.from, self.to) = (None, None);
-            session.select_camera(camera);
-            self.clicks = vec![click.clone(), click];
+            // The second press of a double click belongs to the measurement that the first one finished.
+            if pointer.phase == Phase::Press && !pointer.double {
+                (self.from, self.to) = (None, None);
+                session.select_camera(camera);
+                self.clicks = vec![click.clone(), click];
+            }
             return;
         };
         *last = click;
@@ -76,17 +95,17 @@ impl Measure {
         const MIN_DISTANCE_PX: f64 = 2.0;
         let [.., before, last] = &self.clicks[..] else { return };
         let set = self.clicks.len() - 1;
-        let is_first_click = set == 1 && !pointer.moved && before.is_on_image_of(last);
+        let is_first_click = set == 1 && !pointer.moved && before.image == last.image;
         if is_first_click && before.pixel.distance(last.pixel) <= 0.5 * pointer.radius {
             return;
         }
         let kind = self.kind(session, pointer);
-        if kind == MeasurementKind::Height && before.camera != last.camera {
+        if kind == MeasurementKind::Height && before.image != last.image {
             session.note = Some("The upper end must be in the same image as the lower end.".into());
             return;
         }
         if kind != MeasurementKind::Area {
-            let is_short = before.is_on_image_of(last) && before.pixel.distance(last.pixel) < MIN_DISTANCE_PX;
+            let is_short = before.image == last.image && before.pixel.distance(last.pixel) < MIN_DISTANCE_PX;
             if is_short {
                 self.clicks.clear();
             } else {
@@ -95,11 +114,11 @@ impl Measure {
             return;
         }
         let first = &self.clicks[0];
-        let closes = first.is_on_image_of(last) && first.pixel.distance(last.pixel) <= pointer.radius;
+        let closes = first.image == last.image && first.pixel.distance(last.pixel) <= pointer.radius;
         if set >= 3 && (closes || pointer.double) {
             self.clicks.pop();
             self.finish(session, kind);
-        } else if !before.is_on_image_of(last) || before.pixel.distance(last.pixel) >= MIN_DISTANCE_PX {
+        } else if before.image != last.image || before.pixel.distance(last.pixel) >= MIN_DISTANCE_PX {
             self.clicks.push(last.clone());
         }
     }
@@ -115,44 +134,70 @@ impl Measure {
     /// Stores the measurement of the clicks.
     fn finish(&mut self, session: &mut Session, kind: MeasurementKind) {
         let mut clicks = std::mem::take(&mut self.clicks);
-        let times = [clicks.first(), clicks.last()].map(|click| click.and_then(|click| click.time.clone()));
-        if kind == MeasurementKind::Speed && times[0] > times[1] {
+        let is_speed = kind == MeasurementKind::Speed;
+        let times = |clicks: &[RulerClick]| -> Vec<Option<String>> {
+            clicks.iter().map(|click| click.time(session)).collect()
+        };
+        let ends = times(&clicks);
+        if is_speed && ends.first() > ends.last() {
             clicks.reverse();
         }
-        let has_times = kind == MeasurementKind::Speed
-            && times[0] != times[1]
-            && clicks.iter().all(|click| is_time_of(session, click));
+        let times = times(&clicks);
+        let has_times = is_speed && times.iter().all(Option::is_some) && times.first() != times.last();
+        let periods: Vec<Option<String>> =
+            clicks.iter().zip(&times).map(|(click, time)| period_time(session, click, time)).collect();
+        if is_speed && !has_times && periods.first() != periods.last() {
+            let what = "The two points belong to different calibrations. A speed between them needs images with times to \
+                        the second in their names.";
+            session.note = Some(what.into());
+            return;
+        }
         let height = Some(session.tool.ruler.height).filter(|height| *height != 0.0);
-        let point = |(index, click): (usize, RulerClick)| {
-            let entry = session.site.cameras.get(click.camera)?;
-            let is_period = session.site.cameras.iter().filter(|other| other.id == entry.id).count() > 1;
-            let of_period = || entry.valid_from.clone().filter(|_| is_period);
-            let is_head = kind == MeasurementKind::Height && index > 0;
-            Some(MeasurementPoint {
-                at: click.time.filter(|_| has_times).or_else(of_period),
-                height_m: height.filter(|_| !is_head),
-                ..MeasurementPoint::new(entry.id.clone(), click.pixel)
+        let points = clicks.iter().zip(times.into_iter().zip(periods)).enumerate();
+        let points: Vec<MeasurementPoint> = points
+            .filter_map(|(index, (click, (time, period)))| {
+                let entry = session.site.cameras.get(click.image.camera)?;
+                let is_head = kind == MeasurementKind::Height && index > 0;
+                Some(MeasurementPoint {
+                    at: time.filter(|_| has_times).or(period),
+                    height_m: height.filter(|_| !is_head),
+                    ..MeasurementPoint::new(entry.id.clone(), click.pixel)
+                })
             })
-        };
-        let points: Option<Vec<MeasurementPoint>> = clicks.into_iter().enumerate().map(point).collect();
-        let Some(points) = points else { return };
+            .collect();
         session.site.measurements.push(Measurement::new(kind, points));
         session.commit(format!(
             "measure {} {}",
             if kind == MeasurementKind::Area { "an" } else { "a" },
             kind.name()
         ));
-        if kind == MeasurementKind::Speed && !has_times {
-            session.note = Some("Enter the time between the two points on the right.".into());
+        if is_speed && !has_times {
+            session.note = Some("Enter the seconds between the points in the panel Measurements.".into());
         }
     }
 }
 
-/// Whether the time of a click selects the calibration of its camera.
-fn is_time_of(session: &Session, click: &RulerClick) -> bool {
-    let Some(entry) = session.site.cameras.get(click.camera) else { return false };
-    let found = click.time.as_ref().map(|time| session.site.camera_at(&entry.id, Some(time)));
-    found.is_some_and(|found| found.is_ok_and(|found| std::ptr::eq(found, entry)))
+/// Returns a time that selects the calibration period of a click; `None` if its camera has one period.
+fn period_time(session: &Session, click: &RulerClick, time: &Option<String>) -> Option<String> {
+    let entry = session.site.cameras.get(click.image.camera)?;
+    let is_period = session.site.cameras.iter().filter(|other| other.id == entry.id).count() > 1;
+    entry.valid_from.clone().or_else(|| time.clone()).filter(|_| is_period)
+}
+
+/// Returns why the newer image of a camera with this change cannot be measured; `None` if it can.
+const fn refusal(change: CameraChange) -> Option<&'static str> {
+    match change {
+        CameraChange::Unchanged => None,
+        CameraChange::Moved => Some(
+            "The camera has moved since its calibration. Recover it before you measure in the newer image.",
+        ),
+        CameraChange::Shifted | CameraChange::DifferentView => {
+            Some("The newer image shows another view. Calibrate it as another camera to measure in it.")
+        }
+        CameraChange::TooDark | CameraChange::Blind | CameraChange::TooFewEdges => Some(
+            "Nothing shows whether the camera has moved since its calibration. The newer image cannot be measured.",
+        ),
+    }
 }
 
 impl Tool for Measure {
@@ -243,7 +288,7 @@ impl Tool for Measure {
     }
 
     fn dragged_point(&self) -> Option<(Pane, [f64; 2])> {
-        let in_image = self.clicks.last().map(|click| (Pane::Image(click.camera), click.pixel.into()));
+        let in_image = self.clicks.last().map(|click| (Pane::Image(click.image.camera), click.pixel.into()));
         in_image.or_else(|| self.to.map(|to| (Pane::Plan, to)))
     }
 
@@ -252,7 +297,7 @@ impl Tool for Measure {
             (Pane::Plan, Some(from), Some(to)) => vec![vec![from, to]],
             (Pane::Image(camera), ..) => {
                 let pairs = self.clicks.windows(2);
-                let own = pairs.filter(|pair| pair.iter().all(|click| click.camera == camera));
+                let own = pairs.filter(|pair| pair.iter().all(|click| click.image.camera == camera));
                 own.map(|pair| pair.iter().map(|click| click.pixel.into()).collect()).collect()
             }
             _ => Vec::new(),
