@@ -27,7 +27,7 @@ fn cameras(distortion: Distortion) -> Vec<Camera> {
         pitch: 0.5,
         roll: 0.0,
         focal: 1200.0,
-        lens: Lens { distortion, ..Lens::pinhole(Pixel::new(960.0, 540.0)) },
+        lens: Lens { focal: 1200.0, distortion, ..Lens::pinhole(Pixel::new(960.0, 540.0)) },
         covariance: errors(),
     };
     (0..SIDE * SIDE).map(camera).collect()

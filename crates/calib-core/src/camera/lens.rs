@@ -351,8 +351,17 @@ impl Lens {
         let by = self.distortion.distort_by_coefficients(undistorted);
         let to_raw = |[u, v]: [f64; 2]| [u, self.pixel_aspect * v];
         let by = by.map(|by| to_raw(by.map(|change| self.focal * change)));
+        (self.normalised_distort_jacobian(undistorted), by)
+    }
+
+    /// Returns the Jacobian `d raw / d undistorted` of [`Self::distort`] at `undistorted`.
+    pub(crate) fn distort_jacobian(&self, undistorted: UndistortedPixel) -> Matrix2 {
+        self.normalised_distort_jacobian(self.normalised(undistorted.into()))
+    }
+
+    fn normalised_distort_jacobian(&self, undistorted: [f64; 2]) -> Matrix2 {
         let [u, v] = self.distortion.distort_jacobian(undistorted);
-        ([u, v.map(|slope| self.pixel_aspect * slope)], by)
+        [u, v.map(|slope| self.pixel_aspect * slope)]
     }
 
     /// Returns square pixel coordinates relative to the principal point, divided by the focal length of the

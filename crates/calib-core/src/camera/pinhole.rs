@@ -248,7 +248,7 @@ impl Camera {
     }
 
     /// Returns the undistorted pixel of a point `(x / z, y / z)` in camera axes.
-    fn undistorted_from_normalised(&self, [x, y]: [f64; 2]) -> UndistortedPixel {
+    pub(crate) fn undistorted_from_normalised(&self, [x, y]: [f64; 2]) -> UndistortedPixel {
         let Pixel { u: cu, v: cv } = self.lens.principal_point;
         UndistortedPixel { u: cu + self.focal * x, v: cv + self.focal * y }
     }

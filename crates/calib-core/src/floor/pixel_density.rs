@@ -92,26 +92,43 @@ impl<'a> DensityCamera<'a> {
     pub(crate) fn at(&self, point: WorldPoint) -> Option<(Pixel, f64)> {
         let eye = self.camera.position;
         let sight = [point.x - eye.x, point.y - eye.y, point.z - eye.z];
-        let pixel = self.camera.world_to_pixel(point)?;
         let in_camera = self.rotation.map(|row| dot(&row, &sight));
+        let pixel = self.camera.project(in_camera)?;
         let level = sight[0].hypot(sight[1]);
         // Below or above the camera every level direction is perpendicular to the line of sight.
         let across = if level > 0.0 { [-sight[1] / level, sight[0] / level, 0.0] } else { [1.0, 0.0, 0.0] };
-        let columns = [across, [0.0, 0.0, 1.0]].map(|direction| {
-            let moved = self.rotation.map(|row| dot(&row, &direction));
-            self.pixels_per_metre(pixel, in_camera, moved)
-        });
-        let [Some([a, c]), Some([b, d])] = columns else { return None };
+        let moved = [across, [0.0, 0.0, 1.0]].map(|direction| self.rotation.map(|row| dot(&row, &direction)));
+        let [[a, c], [b, d]] = if self.camera.lens.distortion.is_wide() {
+            let [first, second] = moved.map(|moved| self.by_bearing(pixel, in_camera, moved));
+            [first?, second?]
+        } else {
+            let jacobian = self.by_undistorted(in_camera);
+            moved.map(|moved| jacobian(moved))
+        };
         Some((pixel, smaller_singular_value([[a, b], [c, d]])))
     }
 
-    /// Returns the derivative of the pixel for a displacement `moved` of the point `at`. Both are in camera
+    /// Returns a function that maps displacements of the point `at` to derivatives of its pixel, for a lens that is not
+    /// wide. Both are in camera axes, in metres.
+    ///
+    /// The undistorted pixel is `f [x / z, y / z]`. The Jacobian of the distortion follows (chain rule).
+    fn by_undistorted(&self, [x, y, z]: [f64; 3]) -> impl Fn([f64; 3]) -> [f64; 2] {
+        let Camera { lens, focal, .. } = self.camera;
+        let jacobian = lens.distort_jacobian(self.camera.undistorted_from_normalised([x / z, y / z]));
+        let scale = focal / (z * z);
+        move |moved| {
+            let change = [scale * (moved[0] * z - x * moved[2]), scale * (moved[1] * z - y * moved[2])];
+            jacobian.map(|row| row[0] * change[0] + row[1] * change[1])
+        }
+    }
+
+    /// Returns the derivative of the pixel for a displacement `moved` of the point `at`, for any lens. Both are in camera
     /// axes, in metres.
     ///
     /// The bearing `b` of the pixel is a multiple `s B(at)` of the bearing of the point. A change of the
     /// pixel changes `b` by `J d`, and the displacement changes it by `s B(moved)`. Both agree up to a multiple
     /// of `b`, which is the same pixel. The cross product with `b` removes this multiple.
-    fn pixels_per_metre(&self, pixel: Pixel, at: [f64; 3], moved: [f64; 3]) -> Option<[f64; 2]> {
+    fn by_bearing(&self, pixel: Pixel, at: [f64; 3], moved: [f64; 3]) -> Option<[f64; 2]> {
         let (bearing, jacobian) = self.camera.lens.bearing_with_jacobian(pixel)?;
         let of_point = self.camera.bearing(at);
         let scale = dot(&bearing, &of_point) / dot(&of_point, &of_point);
