@@ -103,7 +103,7 @@ impl<'a> DensityCamera<'a> {
             [first?, second?]
         } else {
             let jacobian = self.by_undistorted(in_camera);
-            moved.map(|moved| jacobian(moved))
+            moved.map(jacobian)
         };
         Some((pixel, smaller_singular_value([[a, b], [c, d]])))
     }
