@@ -143,6 +143,13 @@ fn handle_press(
     send_pointer(app, ui, key, mapping, at, Phase::Press, modifiers);
 }
 
+/// Returns the capture time of the image at a screen point, if its camera has a newer image.
+fn captured_under(app: &App, key: (Place, Pane), at: Pos2) -> Option<String> {
+    let Pane::Image(camera) = key.1 else { return None };
+    let [old, new] = &app.editor.newer(camera)?.captured;
+    if newer_under(app, key, at).is_some() { new.clone() } else { old.clone() }
+}
+
 /// Returns the newer image of a camera if the canvas shows it at a screen point.
 fn newer_under(app: &App, key: (Place, Pane), at: Pos2) -> Option<NewerUnderPointer> {
     let (Place::Main, Pane::Image(camera)) = key else { return None };
@@ -191,6 +198,7 @@ fn send_pointer(
         moved: app.view.panes.moved,
         double: app.view.panes.double,
         edge: offer,
+        captured: captured_under(app, key, at),
         newer: newer_under(app, key, at),
         image: still,
     };

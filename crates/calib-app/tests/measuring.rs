@@ -4,7 +4,7 @@
 
 mod desk;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use calib_app::state::Showing;
 use calib_core::{Camera, FloorPoint, Kind, Pixel};
@@ -15,6 +15,7 @@ use calib_tests::Scratch;
 use desk::{Desk, demo};
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::Queryable as _;
+use image::ImageEncoder as _;
 
 /// Canvas of the first camera.
 const IMAGE: Pane = Pane::Image(0);
@@ -154,13 +155,23 @@ fn speed_needs_the_time_between_its_points() {
 
 /// Opens a window with a camera of the demonstration, and compares its image with a newer one.
 fn compared(scratch: &Scratch, change: impl Fn(&Camera) -> Camera) -> Desk {
+    let names = ["store 20260501_080000.png", "store 20260501_080004.png"];
+    compared_files(scratch, names, change, |image, path, _| image.save(path).unwrap())
+}
+
+/// Does the same with images of these names. `save` writes an image with its number.
+fn compared_files(
+    scratch: &Scratch,
+    [old, new]: [&str; 2],
+    change: impl Fn(&Camera) -> Camera,
+    save: impl Fn(&image::RgbImage, &Path, usize),
+) -> Desk {
     let demo = calib_demo::demo_site();
     let index = demo.site.cameras.iter().position(|camera| camera.id == "store").unwrap();
     let (entry, truth) = (demo.site.cameras[index].clone(), demo.truth[index].1);
     let path = |name: &str| -> PathBuf { scratch.path(name) };
-    let [old, new] = ["store 20260501_080000.png", "store 20260501_080004.png"];
-    calib_demo::render(&truth, entry.size_px).save(path(old)).unwrap();
-    calib_demo::render_later(&change(&truth), entry.size_px).save(path(new)).unwrap();
+    save(&calib_demo::render(&truth, entry.size_px), &path(old), 0);
+    save(&calib_demo::render_later(&change(&truth), entry.size_px), &path(new), 1);
     let image = Some(path(old).to_string_lossy().into_owned());
     let mut desk = Desk::new(Site { cameras: vec![SiteCamera { image, ..entry }], ..Site::new() });
     desk.answer(Some(path(new)));
@@ -199,6 +210,41 @@ fn speed_between_two_images_has_the_times_of_their_names() {
     let solved = found.solved.write_into(&found.site);
     assert!((solved.measure(speed).unwrap().value - expected).abs() < 0.02 * expected);
     assert!(desk.words().iter().any(|word| word.starts_with("The times are whole seconds")));
+}
+
+/// Writes a JPEG file with a capture time in its EXIF data.
+fn save_with_time(image: &image::RgbImage, path: &Path, time: &str) {
+    /// TIFF tag of the time, with 20 characters at byte 26.
+    const DATE_TIME: [u8; 12] = [0x32, 0x01, 2, 0, 20, 0, 0, 0, 26, 0, 0, 0];
+    let exif = [&b"II*\0\x08\0\0\0\x01\0"[..], &DATE_TIME, &[0; 4], time.as_bytes(), b"\0"].concat();
+    let mut encoder =
+        image::codecs::jpeg::JpegEncoder::new_with_quality(std::fs::File::create(path).unwrap(), 95);
+    encoder.set_exif_metadata(exif).unwrap();
+    image.write_with_encoder(encoder).unwrap();
+}
+
+#[test]
+fn speed_between_two_photographs_has_their_exif_times() {
+    let scratch = Scratch::new();
+    let times = ["2026:05:01 08:00:00", "2026:05:01 08:00:03"];
+    let names = ["store.jpg", "store today.jpg"];
+    let mut desk = compared_files(
+        &scratch,
+        names,
+        |camera| *camera,
+        |image, path, index| {
+            save_with_time(image, path, times[index]);
+        },
+    );
+    let [w, h] = desk.site().cameras[0].size();
+    measure(&mut desk, MeasurementKind::Speed, 0.0);
+    show(&mut desk, Showing::Old);
+    desk.click(IMAGE, [0.4 * w, 0.7 * h]);
+    show(&mut desk, Showing::New);
+    desk.click(IMAGE, [0.6 * w, 0.75 * h]);
+    let points = &desk.site().measurements[0].points;
+    let found: Vec<&str> = points.iter().filter_map(|point| point.at.as_deref()).collect();
+    assert_eq!(found, ["2026-05-01T08:00:00Z", "2026-05-01T08:00:03Z"]);
 }
 
 #[test]

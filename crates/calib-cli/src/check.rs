@@ -153,13 +153,13 @@ fn report(
     args: &Args,
 ) -> Result<(), CommandError> {
     if args.format == Format::Json {
-        return files::print(&format!("{:#}\n", as_json(results, of_site, args)));
+        return files::print(&format!("{:#}\n", as_json(&file.site, results, of_site, args)));
     }
     let summary = |faults: &[String]| {
         if faults.is_empty() { "ok".into() } else { format!("FAILED: {}", faults.join("; ")) }
     };
     for result in results {
-        let numbers = result.camera.solution.as_ref().map(checked_numbers).unwrap_or_default();
+        let numbers = checked_numbers(&file.site, result.camera);
         files::print(&format!("{}: {}{numbers}\n", result.camera.id, summary(&result.summaries())))?;
         if args.explain {
             files::print(&explanation(result))?;
@@ -181,11 +181,19 @@ fn explanation(result: &CameraResult) -> String {
     failed.chain(result.allowed.iter().map(|fault| line("allowed:", fault))).collect()
 }
 
-fn as_json(results: &[CameraResult], of_site: Option<&[String]>, args: &Args) -> serde_json::Value {
+fn as_json(
+    site: &Site,
+    results: &[CameraResult],
+    of_site: Option<&[String]>,
+    args: &Args,
+) -> serde_json::Value {
     let fault_json = |fault: &Fault| serde_json::json!({ "code": fault.code, "message": fault.message, "advice": fault.advice });
     let camera = |result: &CameraResult| {
         let (id, faults) = (&result.camera.id, result.summaries());
         let mut value = serde_json::json!({ "camera": id, "ok": faults.is_empty(), "faults": faults });
+        if result.camera.solution.is_some() {
+            value["scale_known"] = site.scale_is_known(result.camera).into();
+        }
         if args.explain {
             value["failed"] = result.faults.iter().map(fault_json).collect();
             value["allowed"] = result.allowed.iter().map(fault_json).collect();
@@ -263,13 +271,19 @@ fn findings(site: &Site, index: usize, args: &Args) -> Vec<Fault> {
         .collect()
 }
 
-/// Formats the checked numbers of a camera.
-fn checked_numbers(solution: &Solution) -> String {
+/// Formats the checked numbers of a camera; empty without a solution. The ± of floor lengths does not contain the error
+/// of an assumed scale.
+fn checked_numbers(site: &Site, camera: &SiteCamera) -> String {
+    let Some(solution) = &camera.solution else { return String::new() };
+    let [lengths, scale] = match site.scale_is_known(camera) {
+        true => ["floor lengths", ""],
+        false => ["ratios of floor lengths", ", scale assumed"],
+    };
     let floor = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel);
-    let floor = floor.map_or_else(String::new, |rel| format!(", floor lengths \u{b1} {:.1} %", 100.0 * rel));
+    let floor = floor.map_or_else(String::new, |rel| format!(", {lengths} \u{b1} {:.1} %", 100.0 * rel));
     let rms = solution.rms_px.map_or_else(String::new, |rms| format!(", RMS residual {rms:.2} px"));
     let heights = if solution.heights_known == Some(false) { ", heights unknown" } else { "" };
-    format!(" ({}{floor}{heights}{rms})", crate::solve::stage_name(solution.stage))
+    format!(" ({}{floor}{scale}{heights}{rms})", crate::solve::stage_name(solution.stage))
 }
 
 /// Returns the faults of a camera for numbers that exceed their limits.

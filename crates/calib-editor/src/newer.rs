@@ -31,6 +31,8 @@ pub struct NewerImage {
     /// Time from which the camera has its new pose (RFC 3339): the capture time of the image, or as entered
     /// by the operator; empty if unknown.
     pub since: String,
+    /// Capture times in the EXIF data of the calibrated image and of the newer one (RFC 3339).
+    pub captured: [Option<String>; 2],
     /// Calibrated pose and lens of the camera, the reference of the comparison.
     pub pose: Camera,
     /// Result of the comparison.
@@ -92,7 +94,7 @@ impl From<&NewerImage> for NewerUnderPointer {
 }
 
 /// Converts a time (RFC 3339) to nanoseconds since 1970; `None` if it is invalid.
-fn nanoseconds(time: &str) -> Option<i64> {
+pub(crate) fn nanoseconds(time: &str) -> Option<i64> {
     let entry = SiteCamera { valid_from: Some(time.to_owned()), ..SiteCamera::new("", [1, 1]) };
     entry.period_ns().ok().map(|[from, _]| from)
 }

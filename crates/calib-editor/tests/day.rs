@@ -38,6 +38,7 @@ impl Operator {
             moved,
             double: false,
             edge: None,
+            captured: None,
             newer: None,
             image: None,
         }));
@@ -350,6 +351,7 @@ fn click_has_the_accuracy_of_the_zoom() {
             moved,
             double: false,
             edge: None,
+            captured: None,
             newer: None,
             image: None,
         })

@@ -51,6 +51,7 @@ fn click(editor: &mut Editor, camera: usize, at: Pixel, alt: bool) {
             moved: false,
             double: false,
             edge: None,
+            captured: None,
             newer: None,
             image: None,
         }));

@@ -308,6 +308,7 @@ fn click_selects_a_detected_line_and_delete_rejects_it() {
             moved: false,
             double: false,
             edge: None,
+            captured: None,
             newer: None,
             image: None,
         })

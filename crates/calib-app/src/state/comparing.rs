@@ -136,6 +136,8 @@ impl App {
                 let comparison =
                     found.map_err(|Lost| "the comparison failed without a result".to_owned()).flatten()?;
                 let OfCamera { entry, pose, still, taken } = *asked;
+                let names = [entry.image.as_deref().unwrap_or_default(), &still.image];
+                let captured = names.map(|name| self.captured(name));
                 self.act(Action::Newer(NewerAction::Compared(Box::new(NewerImage {
                     ids: [entry.id].into(),
                     period: [entry.valid_from, entry.valid_to],
@@ -143,6 +145,7 @@ impl App {
                     image: still.image,
                     title: still.title,
                     since: taken.unwrap_or_default(),
+                    captured,
                     pose,
                     comparison,
                 }))));
@@ -167,6 +170,13 @@ impl App {
             return Err(SizeMismatchError { old: entry.size_px, new: still.size }.to_string());
         }
         Ok(OfCamera { entry, pose, still, taken })
+    }
+
+    /// Returns the capture time in the EXIF data of an image (RFC 3339).
+    fn captured(&self, name: &str) -> Option<String> {
+        let source = self.editor.session().images.reader(name);
+        let bytes = source.name_to_render().is_none().then(|| source.read(Here::read_within))?;
+        calib_input::capture_time(&bytes.ok()?)
     }
 
     /// Returns the old and the newer image once both are decoded.

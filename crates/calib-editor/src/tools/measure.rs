@@ -7,7 +7,7 @@ use calib_core::{FloorPoint, Pixel};
 use calib_image::CameraChange;
 use calib_site::{Measurement, MeasurementKind, MeasurementPoint};
 
-use crate::newer::image_time;
+use crate::newer::{image_time, nanoseconds};
 use crate::planes::{add_plane, set_region};
 use crate::session::{RulerSettings, Session};
 use crate::tools::corners::Corners;
@@ -33,6 +33,8 @@ struct RulerImage {
     camera: usize,
     /// Name of the newer image, if the click was on it.
     newer: Option<String>,
+    /// Capture time in the EXIF data of the image (RFC 3339).
+    captured: Option<String>,
 }
 
 /// Click of a measurement.
@@ -43,11 +45,23 @@ struct RulerClick {
     pixel: Pixel,
 }
 
+/// Source of the time of an image. Both times of a speed have the same source, because clocks differ.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum TimeSource {
+    /// Name of the image.
+    Name,
+    /// EXIF data.
+    Exif,
+}
+
 impl RulerClick {
-    /// Returns the time in the name of the image (RFC 3339), if it selects the calibration of the camera.
-    fn time(&self, session: &Session) -> Option<String> {
+    /// Returns the time of the image (RFC 3339), if it selects the calibration of the camera.
+    fn time(&self, session: &Session, source: TimeSource) -> Option<String> {
         let entry = session.site.cameras.get(self.image.camera)?;
-        let time = image_time(session, self.image.newer.as_ref().or(entry.image.as_ref())?)?;
+        let time = match source {
+            TimeSource::Name => image_time(session, self.image.newer.as_ref().or(entry.image.as_ref())?)?,
+            TimeSource::Exif => self.image.captured.clone()?,
+        };
         let found = session.site.camera_at(&entry.id, Some(&time)).ok()?;
         std::ptr::eq(found, entry).then_some(time)
     }
@@ -56,7 +70,8 @@ impl RulerClick {
 impl Measure {
     /// Processes an event in an image. The points may be in different images.
     fn measure(&mut self, session: &mut Session, (camera, pixel): (usize, Pixel), pointer: &Pointer) {
-        let shown = RulerImage { camera, newer: pointer.newer.as_ref().map(|newer| newer.image.clone()) };
+        let newer = pointer.newer.as_ref().map(|newer| newer.image.clone());
+        let shown = RulerImage { camera, newer, captured: pointer.captured.clone() };
         if pointer.phase == Phase::Press {
             let refusal = pointer.newer.as_ref().and_then(|newer| refusal(newer.change));
             self.pressed = refusal.is_none().then(|| shown.clone());
@@ -135,20 +150,27 @@ impl Measure {
     fn finish(&mut self, session: &mut Session, kind: MeasurementKind) {
         let mut clicks = std::mem::take(&mut self.clicks);
         let is_speed = kind == MeasurementKind::Speed;
-        let times = |clicks: &[RulerClick]| -> Vec<Option<String>> {
-            clicks.iter().map(|click| click.time(session)).collect()
+        let times_by = |clicks: &[RulerClick], source: TimeSource| -> Vec<Option<String>> {
+            clicks.iter().map(|click| click.time(session, source)).collect()
         };
-        let ends = times(&clicks);
-        if is_speed && ends.first() > ends.last() {
+        let times_of = |clicks: &[RulerClick]| {
+            let by_name = times_by(clicks, TimeSource::Name);
+            let is_named = by_name.iter().all(Option::is_some);
+            if is_named { by_name } else { times_by(clicks, TimeSource::Exif) }
+        };
+        let instant = |time: Option<&Option<String>>| nanoseconds(time?.as_ref()?);
+        let ends = times_of(&clicks);
+        if is_speed && instant(ends.first()) > instant(ends.last()) {
             clicks.reverse();
         }
-        let times = times(&clicks);
-        let has_times = is_speed && times.iter().all(Option::is_some) && times.first() != times.last();
+        let times = times_of(&clicks);
+        let has_times =
+            is_speed && times.iter().all(Option::is_some) && instant(times.first()) != instant(times.last());
         let periods: Vec<Option<String>> =
             clicks.iter().zip(&times).map(|(click, time)| period_time(session, click, time)).collect();
         if is_speed && !has_times && periods.first() != periods.last() {
-            let what = "The two points belong to different calibrations. A speed between them needs images with times to \
-                        the second in their names.";
+            let what = "The two points belong to different calibrations. A speed between them needs images whose names \
+                        state the second.";
             session.note = Some(what.into());
             return;
         }

@@ -75,6 +75,8 @@ pub struct Pointer {
     pub double: bool,
     /// Detected image edge under the pointer, which a click accepts.
     pub edge: Option<Edge>,
+    /// Capture time in the EXIF data of the image under the pointer (RFC 3339), if it is known.
+    pub captured: Option<String>,
     /// Newer image of the camera, if the canvas shows it under the pointer.
     pub newer: Option<NewerUnderPointer>,
     /// Image of the canvas, used to move lines onto its edges.
