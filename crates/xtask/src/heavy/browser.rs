@@ -34,6 +34,7 @@ pub(crate) fn chromium() -> anyhow::Result<PathBuf> {
 /// The script may save screenshots to the folder `pictures`.
 pub(crate) fn run(out: &Path, script: &str, pictures: Option<&Path>, as_is: bool) -> anyhow::Result<()> {
     let mut node = script_command(out, script, pictures, as_is)?;
+    eprintln!("building calib, which the tests compare with the page");
     node.env("CALIB", calib()?);
     if !cfg!(debug_assertions) {
         node.env("CALIB_NATIVE_MS", native_solve_ms().to_string());
@@ -66,14 +67,18 @@ fn script_command(out: &Path, script: &str, pictures: Option<&Path>, as_is: bool
         web::run(out, None)?;
     }
     let browser = chromium()?;
+    let modules = root().join(NPM_FOLDER).join("node_modules");
+    ensure!(
+        modules.is_dir(),
+        "no npm packages for the browser tests: mkdir -p {NPM_FOLDER} && cp {SCRIPTS_FOLDER}/package*.json {NPM_FOLDER} \
+         && npm ci --prefix {NPM_FOLDER}"
+    );
     let site = server::FolderServer::new(out, 0)?;
     let address = format!("http://{}/", site.address()?);
     std::thread::spawn(move || site.serve());
     let mut node = Command::new("node");
     node.arg(root().join(SCRIPTS_FOLDER).join(script)).arg(&address).arg(out.join("calib.html"));
-    node.current_dir(root())
-        .env("CALIB_CHROMIUM", browser)
-        .env("CALIB_NODE_MODULES", root().join(NPM_FOLDER).join("node_modules"));
+    node.current_dir(root()).env("CALIB_CHROMIUM", browser).env("CALIB_NODE_MODULES", modules);
     if let Some(pictures) = pictures {
         std::fs::create_dir_all(pictures)?;
         node.env("CALIB_PICTURES", pictures);
