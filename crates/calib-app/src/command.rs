@@ -183,7 +183,7 @@ fn next_window(app: &mut App) {
         app.show(Mode::Image);
         app.look(app.view.looking.next());
     } else {
-        app.act(Action::Note("Windows need a fisheye lens. This camera has none.".into()));
+        app.act(Action::Note("Fisheye windows need a fisheye lens. This camera does not have one.".into()));
     }
 }
 

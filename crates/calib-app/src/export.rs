@@ -109,10 +109,10 @@ fn choices(app: &mut App, ui: &mut Ui) {
     }
     ui.label(RichText::new(format.about).color(palette.text2));
     ui.horizontal(|ui| {
-        ui.checkbox(&mut sheet.rectified, "undistorted camera, and the map for its image");
+        ui.checkbox(&mut sheet.rectified, "undistorted camera and undistortion map");
         ui.checkbox(&mut sheet.only_this, format!("only {camera}"));
     });
-    let about = format!("Contains {}. Does not contain: {}.", format.contains, format.lacks);
+    let about = format!("Contains: {}. Does not contain: {}.", format.contains, format.lacks);
     ui.label(RichText::new(about).small().color(palette.text3));
 }
 
@@ -152,7 +152,7 @@ fn export_contents(ui: &mut Ui, palette: &Palette, export: &Export) {
     if !export.losses.is_empty() {
         egui::Frame::NONE.fill(palette.warn_bg).corner_radius(4).inner_margin(8).show(ui, |ui| {
             ui.set_width(ui.available_width());
-            ui.label(RichText::new("This format loses").font(theme::medium(12.0)).color(palette.warn));
+            ui.label(RichText::new("This format loses:").font(theme::medium(12.0)).color(palette.warn));
             for loss in &export.losses {
                 ui.label(loss.to_string());
             }

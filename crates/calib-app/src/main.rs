@@ -26,8 +26,8 @@ fn main() -> std::process::ExitCode {
                 ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
             let why = if has_display { error.to_string() } else { "there is no display".into() };
             eprintln!(
-                "The window does not open: {why}.\nThe app needs a display: start it in a desktop session, or set \
-                 DISPLAY or WAYLAND_DISPLAY. Without one, `calib solve` does the same work on a site file."
+                "The window could not be opened: {why}.\nThe app needs a display: start it in a desktop \
+                 session, or set DISPLAY or WAYLAND_DISPLAY. Without a display, run `calib solve` on a site file."
             );
             ExitCode::FAILURE
         }
@@ -35,15 +35,15 @@ fn main() -> std::process::ExitCode {
 }
 
 #[cfg(not(target_arch = "wasm32"))]
-const HELP: &str = "Calibrates cameras from their still images, in a window.
+const HELP: &str = "Opens a window to calibrate cameras from their images.
 
 Usage: calib-app [FILE]...
 
 FILE is a site (.json), an image (such as .png or .jpg), a folder of images, or a floor plan (.svg).
 
 Options:
-  -h, --help     say this
-  -V, --version  say the version";
+  -h, --help     print this help
+  -V, --version  print the version";
 
 /// Opens the window, and the files named on the command line.
 #[cfg(not(target_arch = "wasm32"))]

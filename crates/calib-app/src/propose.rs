@@ -145,7 +145,7 @@ impl Row<'_> {
             ui.label(name);
             if self.is_next {
                 ui.label(RichText::new("matters most").small().color(palette.accent))
-                    .on_hover_text("Accepting this group reduces the floor error most");
+                    .on_hover_text("Accepting this group reduces the floor error the most");
             }
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 let count = self.group.lines.len();
@@ -185,10 +185,11 @@ impl Row<'_> {
         button(ui, "Accept", "Draw these lines", CalibrationDecision::Accept(self.index));
         match self.group.kind {
             Kind::Vertical => {
-                button(ui, "Flip", "Make them floor lines", CalibrationDecision::Flip(self.index));
+                let tip = "Change these lines to floor lines";
+                button(ui, "Flip", tip, CalibrationDecision::Flip(self.index));
             }
             Kind::Parallel => {
-                button(ui, "Flip", "Make them verticals", CalibrationDecision::Flip(self.index));
+                button(ui, "Flip", "Change these lines to verticals", CalibrationDecision::Flip(self.index));
             }
             _ => {}
         }
@@ -209,7 +210,7 @@ impl Row<'_> {
                 ui.selectable_value(&mut chosen, direction.clone(), direction);
             }
         });
-        response.response.on_hover_text("Their floor direction");
+        response.response.on_hover_text("Floor direction of these lines");
         if chosen != self.group.direction {
             *wish = Some(CalibrationDecision::SetDirection(self.index, chosen));
         }

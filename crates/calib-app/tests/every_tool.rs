@@ -220,7 +220,7 @@ fn handles_have_names_for_screen_readers() {
         "corner 1 of the field of view",
         "Vertical tool",
         "Camera shop-1",
-        "Fix the focal",
+        "Fix the focal length",
         "Line V1",
     ] {
         assert!(desk.harness.query_by_label(name).is_some(), "{name}");

@@ -373,7 +373,7 @@ fn posts_and_floor_lines_are_continued_in_other_views() {
             assert_eq!(desk.site().links[0].kind, calib_site::LinkKind::Line);
             desk.app().act(Action::Select(Part::Link { link: 0, seen: 0, point: 0 }));
             desk.harness.run_steps(2);
-            desk.harness.get_by_label("Make it a post").click();
+            desk.harness.get_by_label("Change to a post").click();
             desk.harness.run_steps(2);
         }
     }

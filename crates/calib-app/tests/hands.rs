@@ -99,7 +99,7 @@ fn escape_in_a_field_only_leaves_the_field() {
     desk.app().act(Action::SelectOn(0, calib_editor::Part::Line { annotation: 0, segment: 0 }));
     desk.harness.run_steps(2);
     let id = desk.site().cameras[0].id.clone();
-    desk.harness.get_by_label("Id").focus();
+    desk.harness.get_by_label("ID").focus();
     desk.harness.run_steps(2);
     desk.harness.event(Event::Text("x".into()));
     desk.harness.run_steps(2);

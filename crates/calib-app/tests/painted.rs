@@ -217,11 +217,11 @@ fn plan_shows_the_agreement_of_every_pair_before_and_after() {
     let during = agreement(&desk, &linked).unwrap();
     assert!(during.contains(" \u{2192} "), "{during}");
     assert!(texts(&desk).iter().any(|(text, _)| text.starts_with("moved ")));
-    assert!(words(&desk).contains(" apart\n"), "the wrong position causes a warning: {}", words(&desk));
+    assert!(words(&desk).contains(" disagrees by "), "the wrong position causes a warning: {}", words(&desk));
     desk.release(from + Vec2::new(60.0, 40.0), Modifiers::NONE);
     desk.harness.run_steps(2);
     // One click selects the worst link in every view.
-    let says = |text: &str| text.contains(" is ") && text.ends_with(" apart");
+    let says = |text: &str| text.contains(" disagrees by ");
     let nodes = desk.harness.get_all_by(|node| node.value().or(node.label()).is_some_and(|text| says(&text)));
     let apart = nodes.last().unwrap().rect().center().y;
     let below = |node: &egui_kittest::Node| node.rect().center().y - apart;
@@ -256,7 +256,7 @@ fn every_number_of_a_placed_camera_has_a_sigma_and_a_lock() {
     let mut desk = Desk::new(by_hand());
     desk.key(Key::Num2);
     desk.harness.run_steps(2);
-    for number in ["x", "y", "turn", "height", "pitch", "roll", "focal"] {
+    for number in ["x", "y", "rotation", "height", "pitch", "roll", "focal length"] {
         assert!(
             desk.harness.query_by_label(&format!("Fix the {number}")).is_some(),
             "{number}: {}",
@@ -264,7 +264,7 @@ fn every_number_of_a_placed_camera_has_a_sigma_and_a_lock() {
         );
     }
     // A placement by hand has an unknown uncertainty, and the panel shows it.
-    assert_eq!(desk.words().iter().filter(|word| *word == "\u{b1} ?").count() / 2, 3, "x, y and turn");
+    assert_eq!(desk.words().iter().filter(|word| *word == "\u{b1} ?").count() / 2, 3, "x, y and rotation");
     let press = |desk: &mut Desk, label: &str| {
         desk.harness.get_by_label(label).click();
         desk.harness.run_steps(2);
@@ -273,18 +273,18 @@ fn every_number_of_a_placed_camera_has_a_sigma_and_a_lock() {
     let held = desk.site().cameras[0].height_m.unwrap();
     let z = desk.app().editor.session().solution().unwrap().position_m.unwrap().z;
     assert!(held.fixed && (held.value - z).abs() < 0.01, "{held:?}, {z}");
-    press(&mut desk, "Fix the focal");
+    press(&mut desk, "Fix the focal length");
     assert!(desk.site().cameras[0].lens.as_ref().unwrap().focal_px.unwrap().fixed);
     let held = |desk: &Desk| {
         let placement = desk.site().cameras[0].placement.clone().unwrap();
         (placement.fixed, [placement.held.x, placement.held.y, placement.held.turn])
     };
-    press(&mut desk, "Fix the turn");
+    press(&mut desk, "Fix the rotation");
     assert_eq!(held(&desk), (false, [false, false, true]));
     press(&mut desk, "Fix the x");
     assert_eq!(held(&desk), (false, [true, false, true]));
     assert_eq!(desk.words().iter().filter(|word| *word == "\u{b1} ?").count() / 2, 1, "only y is unknown");
-    press(&mut desk, "Unfix the turn");
+    press(&mut desk, "Unfix the rotation");
     assert_eq!(held(&desk), (false, [true, false, false]));
     desk.undo();
     assert_eq!(held(&desk), (false, [true, false, true]), "undone");

@@ -31,7 +31,7 @@ fn out_of_date_solution_is_shown_and_updated_by_one_button() {
     for key in [Key::Num1, Key::Num2, Key::Num3] {
         desk.key(key);
         let words = desk.words().join("\n");
-        assert!(words.contains("Changed since the last Refine"), "{words}");
+        assert!(words.contains("changed since the last Refine"), "{words}");
     }
     desk.key(Key::Num1);
     desk.harness.get_by_label("Refine again").click();

@@ -69,9 +69,9 @@ fn tour_is_completed_only_by_its_instructions() {
     field_of_view(&mut newcomer);
     place(&mut newcomer);
     check(&mut newcomer);
-    assert!(newcomer.says("With your own images"), "{:?}", newcomer.desk.words());
+    assert!(newcomer.says("To calibrate your own cameras"), "{:?}", newcomer.desk.words());
     newcomer.press("Close");
-    assert!(!newcomer.says("With your own images"));
+    assert!(!newcomer.says("To calibrate your own cameras"));
 }
 
 fn plumb_lines(newcomer: &mut Newcomer) {

@@ -51,7 +51,7 @@ fn sections_are_headings_and_undo_is_shown_once() {
     let undo = desk.words().into_iter().filter(|word| word.starts_with("Undo add")).count();
     assert_eq!(undo, 1);
     desk.keys(egui::Modifiers::SHIFT, Key::Questionmark);
-    for title in ["Tools", "Files", "Selected", "View"] {
+    for title in ["Tools", "Files", "Selection", "View"] {
         let heading = desk.harness.query_by_role_and_label(egui::Role::Heading, title);
         assert!(heading.is_some(), "the key sheet has a group {title}");
     }

@@ -30,7 +30,7 @@ pub(crate) fn unit(text: &str) -> Result<f64, String> {
 pub(crate) fn size(text: &str) -> Result<[u32; 2], String> {
     let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_STREAM_SIDE_PX).contains(side));
     let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some([side(w)?, side(h)?]));
-    sides.ok_or_else(|| format!("expected WIDTHxHEIGHT, such as 1280x720, up to {MAX_STREAM_SIDE_PX}"))
+    sides.ok_or_else(|| format!("expected WIDTHxHEIGHT, such as 1280x720, each at most {MAX_STREAM_SIDE_PX}"))
 }
 
 /// Parses the name of a projected grid.
@@ -41,7 +41,7 @@ pub(crate) fn grid(name: &str) -> Result<CoordinateSystem, String> {
 /// Arguments for the site that a command reads.
 #[derive(Debug, clap::Args)]
 pub(crate) struct SiteArgs {
-    /// Site file, or - for stdin; cameras without a solution are solved
+    /// Site file, or - for stdin; cameras without a solution are solved first
     site: String,
     /// Use the calibrations that are valid at this time (RFC 3339)
     #[arg(long, value_name = "TIME")]
@@ -177,7 +177,7 @@ pub(crate) enum PixelOrigin {
 pub(crate) enum Fit {
     /// Width and height are scaled separately: the image fills the stream without bars
     Stretch,
-    /// Width and height are scaled equally, with equal bars on two sides (letterboxing of detectors)
+    /// Width and height are scaled equally, with equal bars on two sides (letterboxing, as in detectors)
     Letterbox,
 }
 

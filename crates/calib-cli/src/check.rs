@@ -26,7 +26,8 @@ pub(crate) struct Args {
     /// Maximum RMS residual, in pixels [default: 5]
     #[arg(long, value_name = "P")]
     max_rms_px: Option<f64>,
-    /// Accept a finding by its code (misfit, two-solutions, ...); separate several with commas, or repeat
+    /// Accept a finding by its code (misfit, two-solutions, ...); separate several codes with commas, or
+    /// repeat
     #[arg(long, value_name = "CODE", value_delimiter = ',', value_parser = code)]
     allow: Vec<Code>,
     /// Also fail cameras whose heights above the floor are unknown while lengths on the floor are known
@@ -36,7 +37,7 @@ pub(crate) struct Args {
     #[arg(long)]
     explain: bool,
     /// Maximum distance on the floor, in metres, between the positions of one link or mark from two cameras
-    /// (RMS of a pair); also fails for an unconnected camera and an unknown scale
+    /// (RMS of a pair); also fails if a camera is not connected or a scale is unknown
     #[arg(long, value_name = "M")]
     max_overlap_m: Option<f64>,
     /// Output format of the report
@@ -228,7 +229,7 @@ fn site_faults(file: &SiteFile, most: f64, allow: &[Code]) -> Vec<String> {
     let is_measured = overlaps.iter().any(|pair| pair.floor_rms_m.is_some());
     if !is_measured && file.site.cameras.len() > 1 {
         faults.push(
-            "no link or mark is visible in two cameras, so their distances on the floor are unknown".into(),
+            "no link or mark is visible in two cameras, so cameras cannot be compared on the floor".into(),
         );
     }
     let warnings = solution.iter().flat_map(|s| &s.warnings);

@@ -29,17 +29,17 @@ use crate::{files, picture, site_file};
 pub(crate) struct Args {
     #[command(flatten)]
     site: SiteArgs,
-    /// Compare this camera; by default the camera is found from the start of the image's name
+    /// Compare this camera; by default the start of the image's name is the id of the camera
     #[arg(long, value_name = "ID")]
     camera: Option<String>,
     /// Newer images (PNG, JPEG) or folders of images, ordered by the time in their names (2026-05-01T0830,
-    /// UTC) or their EXIF data
+    /// UTC) or in their EXIF data
     #[arg(long = "still", required = true, num_args = 1.., value_name = "FILE")]
     images: Vec<PathBuf>,
     /// Output format of the report
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
-    /// Draw the newest image of each camera, with matched and missing edges, into this folder
+    /// Write the newest image of each camera, with matched and missing edges drawn on it, to this folder
     #[arg(long, value_name = "DIR")]
     render: Option<PathBuf>,
     /// Transfer the annotations to the newer images, and solve the cameras that moved
@@ -115,7 +115,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if changed.is_empty() {
         return Ok(());
     }
-    Err(CommandError::Unsolved(format!("changed, or could not be checked: {}", shortened_list(changed))))
+    let changed = shortened_list(changed);
+    Err(CommandError::Unsolved(format!("cameras that changed, or could not be checked: {changed}")))
 }
 
 fn has_changed(of: &CameraComparison) -> bool {
@@ -422,7 +423,7 @@ fn recover_camera(
         if !found.left_out.is_empty() {
             let names = shortened_list(found.left_out.iter().map(String::as_str));
             print_message(format_args!(
-                "calib: camera \"{}\": not found in the newer image, left out: {names}",
+                "calib: camera \"{}\": annotations left out, not found in the newer image: {names}",
                 of.id
             ));
         }

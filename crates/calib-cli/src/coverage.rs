@@ -24,7 +24,7 @@ use crate::stop::{CommandError, escape_control_characters};
 pub(crate) struct Args {
     #[command(flatten)]
     site: SiteArgs,
-    /// Level that all areas must reach, in place of their own levels
+    /// Level that all areas must reach; replaces the level of each area
     #[arg(long, value_name = "LEVEL", value_parser = level)]
     level: Option<DensityLevel>,
     /// Height of the targets above the floor, in metres: 0 for feet, 1.6 for faces, 0.6 for number plates

@@ -30,17 +30,17 @@ pub(crate) struct Args {
     /// Folder to write to
     #[arg(value_name = "DIR", default_value = "calib-demo")]
     folder: String,
-    /// Write the site without a plan, tied together by links and marks only
+    /// Write the site without a plan; only links and marks connect the cameras
     #[arg(long)]
     no_plan: bool,
-    /// Also write images of one month later to the folder later: one camera rotated, one zoomed, a shelf
-    /// moved, other people and light
+    /// Also write images from one month later to the subfolder `later`: one camera rotated, one zoomed, a
+    /// shelf moved, different people and light
     #[arg(long)]
     moved: bool,
     /// Output format of the errors
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
-    /// Overwrite a folder that this command did not write
+    /// Write to a folder that this command did not create, and overwrite its files
     #[arg(long)]
     force: bool,
 }
@@ -93,7 +93,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if args.moved {
         let folder = folder.display();
         print_message(format_args!(
-            "To find the cameras that moved: calib compare {folder}/solved.json --still {folder}/later"
+            "To find the cameras that moved, run: calib compare {folder}/solved.json --still {folder}/later"
         ));
     }
     let cameras: Vec<&SiteCamera> = solved.cameras.iter().collect();
@@ -120,8 +120,10 @@ fn prepare_folder(folder: &Path, force: bool) -> Result<(), CommandError> {
     let ours = folder.join(MARKER_FILE);
     let is_empty = std::fs::read_dir(folder).map_or(true, |mut entries| entries.next().is_none());
     if !is_empty && !ours.exists() && !force {
-        let message =
-            format!("{} exists and was not written by this command; --force overwrites it", folder.display());
+        let message = format!(
+            "{} already exists and was not written by this command; add --force to overwrite its files",
+            folder.display()
+        );
         return Err(CommandError::Failed(anyhow::anyhow!(message)));
     }
     std::fs::create_dir_all(folder).with_context(|| format!("creating {}", folder.display()))?;

@@ -39,11 +39,11 @@ pub(crate) struct TableArgs {
     /// Camera of all rows
     #[arg(long, value_name = "ID", conflicts_with = "camera_column")]
     camera: Option<String>,
-    /// Column of times (timestamps, or RFC 3339 text; UTC without an offset); by default at, time,
-    /// timestamp, also with a unit (`at_s`), or `seen_at`
+    /// Column of times (timestamps, or RFC 3339 text; UTC if no offset is given); by default at, time or
+    /// timestamp, also with a unit (such as `at_s`), or `seen_at`
     #[arg(long, value_name = "NAME")]
     at_column: Option<String>,
-    /// Unit of numbers in that column, counted from 1970; by default taken from the end of its name (_s, _ms,
+    /// Unit of numeric times, counted from 1970; by default taken from the end of the column's name (_s, _ms,
     /// _us, _ns)
     #[arg(long, value_enum, value_name = "UNIT")]
     at_unit: Option<AtUnit>,
@@ -53,7 +53,7 @@ pub(crate) struct TableArgs {
     /// Whether rows are feet or boxes
     #[arg(long, value_enum, default_value_t = Columns::Auto)]
     columns: Columns,
-    /// Meaning of the four numbers of a box; by default from the names of its columns
+    /// Meaning of the four numbers of a box; by default taken from the names of the columns
     #[arg(long, value_enum, value_name = "FORM")]
     box_form: Option<TableBoxForm>,
     /// Origin of pixel coordinates
@@ -62,10 +62,10 @@ pub(crate) struct TableArgs {
     /// Width and height of the stream that the pixels belong to, if it differs from the image
     #[arg(long, value_name = "WxH", value_parser = size)]
     stream_size: Option<[u32; 2]>,
-    /// Scaling of the image to that stream; needed if the aspect ratios differ
+    /// Scaling of the image to the stream of --stream-size; required if the aspect ratios differ
     #[arg(long, value_enum, requires = "stream_size")]
     stream_fit: Option<Fit>,
-    /// Rows with a cell that is not a number or not a time: stop the run, or leave them out
+    /// Handling of rows with a cell that is not a number or not a time: stop the run, or leave the rows out
     #[arg(long, value_enum, default_value_t = BadRows::Fail)]
     bad_rows: BadRows,
 }

@@ -24,7 +24,7 @@ pub(crate) struct Args {
     format: String,
     #[command(flatten)]
     site: SiteArgs,
-    /// Folder to write to, or a file if there is only one; - is stdout
+    /// Folder to write to, or a file if only one is written; - is stdout
     #[arg(short, long, value_name = "PATH")]
     output: String,
     /// Export only this camera
@@ -93,12 +93,13 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
         files::print_message(note);
     }
     files::print_message(format_args!(
-        "{} contains {}; it cannot hold: {}",
+        "{} contains {}; the format cannot hold: {}",
         format.name, format.contains, format.lacks
     ));
     if !export.unsolved.is_empty() {
         let ids = export.unsolved.join(", ");
-        return Err(CommandError::Unsolved(format!("left out because they are not calibrated: {ids}")));
+        let what = format!("cameras left out because they are not calibrated: {ids}");
+        return Err(CommandError::Unsolved(what));
     }
     Ok(())
 }
@@ -150,11 +151,11 @@ fn check_losses(args: &Args, format: &Format, export: &Export) -> Result<(), Com
     let list: Vec<String> = export.losses.iter().map(|loss| format!("  {loss}")).collect();
     let list = list.join("\n");
     if args.allow_lossy {
-        files::print_message(format_args!("{} loses\n{list}", format.name));
+        files::print_message(format_args!("{} loses:\n{list}", format.name));
         return Ok(());
     }
     Err(CommandError::Lossy(format!(
-        "{} would lose\n{list}\nAdd --allow-lossy to export anyway.",
+        "{} would lose:\n{list}\nAdd --allow-lossy to export anyway.",
         format.name
     )))
 }
@@ -167,8 +168,8 @@ fn output_paths(args: &Args, format: &Format, export: &Export) -> Result<Vec<Pat
             return Ok(vec![path.to_owned()]);
         }
         let count = export.files.len();
-        let one = if args.camera.is_none() { ", or choose one with --camera ID" } else { "" };
-        let what = format!("--output {}: {count} files; give a folder{one}", args.output);
+        let one = if args.camera.is_none() { ", or choose one camera with --camera ID" } else { "" };
+        let what = format!("--output {}: the export has {count} files; give a folder{one}", args.output);
         return Err(CommandError::Usage(what));
     }
     let targets: Vec<PathBuf> = export.files.iter().map(|file| path.join(&file.name)).collect();

@@ -41,7 +41,7 @@ fn resolve_output(path: &Path, force: bool) -> Result<PathBuf, CommandError> {
 }
 
 fn exists_error(path: &Path) -> CommandError {
-    CommandError::Failed(anyhow::anyhow!("{} exists; --force overwrites it", path.display()))
+    CommandError::Failed(anyhow::anyhow!("{} already exists; add --force to overwrite it", path.display()))
 }
 
 /// Writes to a temporary file, which then replaces the target. A killed run leaves either the old or the new
@@ -119,7 +119,7 @@ pub(crate) fn print_message(text: impl std::fmt::Display) {
 /// Argument for the number of parallel threads.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(crate) struct ThreadsArgs {
-    /// Number of images to process in parallel; each needs the memory of its image
+    /// Number of images to process in parallel; more images need more memory
     #[arg(long, value_name = "N", default_value = "1")]
     threads: NonZeroUsize,
 }

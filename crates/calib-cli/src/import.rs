@@ -62,7 +62,7 @@ fn merge_ground_points(
     if let (Some(known), Some(new)) = (&site.crs, &crs)
         && !known.eq_ignore_ascii_case(new)
     {
-        let what = format!("the site has the grid {known}, and --crs {new} differs");
+        let what = format!("the site has the grid {known}, not {new}; convert the points to its grid first");
         return Err(CommandError::invalid(path, what));
     }
     site.crs = site.crs.take().or(crs);
@@ -92,7 +92,8 @@ fn replace_camera(entry: &mut SiteCamera, camera: SiteCamera, path: &str) -> Res
     if entry.size_px != camera.size_px {
         let ([w, h], [found_w, found_h]) = (entry.size_px, camera.size_px);
         let what = format!(
-            "camera \"{}\" has {w} x {h} pixels, the imported one {found_w} x {found_h}; scale it first",
+            "camera \"{}\" has {w} x {h} pixels, the imported one {found_w} x {found_h}; scale the imported \
+             one first",
             entry.id
         );
         return Err(CommandError::invalid(path, what));
@@ -132,22 +133,22 @@ pub(crate) struct Args {
     format: String,
     /// File, or a folder with the files of the format
     file: String,
-    /// Site to merge the cameras or the plan into; its annotations stay
+    /// Site to merge the cameras or the plan into; its annotations are kept
     #[arg(long, value_name = "SITE")]
     into: Option<String>,
     /// With --into: replace the existing lens and pose, or the plan
     #[arg(long, requires = "into")]
     replace: bool,
-    /// Projected grid of imported points with east and north
+    /// Projected grid of imported points that are given by easting and northing
     #[arg(long, value_name = "EPSG:CODE", value_parser = grid_name)]
     crs: Option<String>,
-    /// Size of the images, if it is missing in the files or wrong
+    /// Size of the images, if the size in the files is missing or wrong
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[u32; 2]>,
     /// Unit of the poses, if it differs from the format's unit: mm, cm, m, in or ft
     #[arg(long, value_name = "UNIT", value_parser = unit)]
     unit: Option<f64>,
-    /// Mirror the y axis, because the world of the files is left-handed
+    /// Mirror the y axis, for files with a left-handed world
     #[arg(long)]
     left_handed: bool,
     /// Site file to write; - is stdout
@@ -185,7 +186,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     }
     let site = match &args.into {
         None => {
-            print_message("to merge this into a site, add --into SITE");
+            print_message("to merge the import into a site, add --into SITE");
             let checked = imported.site.check();
             checked.map_err(|error| CommandError::invalid(&args.file, error))?;
             imported.site

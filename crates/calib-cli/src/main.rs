@@ -85,7 +85,8 @@ enum Command {
     /// Map tables of detections to the floor, or 3D points to pixels (CSV, NDJSON, Arrow, Parquet)
     #[cfg(feature = "archives")]
     Project(project::Args),
-    /// Size, scale, pages and layers of a floor plan (PDF, DXF, SVG, image), as a picture or as the plan of a site
+    /// Print size, scale, pages and layers of a floor plan (PDF, DXF, SVG, image), or write the plan as a
+    /// picture or into a site
     Plan(plan::Args),
     /// Write an image without lens distortion, or virtual views in any direction (PNG, or JPEG for .jpg)
     Undistort(undistort::Args),
@@ -94,24 +95,24 @@ enum Command {
     Render(render::Args),
     /// Quality gate: exit 4 if a camera is unsolved, or a camera or the site exceeds a limit
     Check(check::Args),
-    /// Find cameras that were moved, from detections of people: since when and by how much; exit 4 if any
+    /// From detections of people, find cameras that were moved, since when and by how much; exit 4 if any
     /// moved
     #[cfg(feature = "archives")]
     Watch(watch::Args),
     /// Find cameras that were rotated, zoomed or replaced, from newer images; exit 4 if any changed
     Compare(compare::Args),
-    /// Acceptance test by a walk through the site: floor error by zone and cameras that disagree; exit 4 if
-    /// it fails
+    /// Run an acceptance test with a walk through the site: floor error by zone and cameras that disagree;
+    /// exit 4 if the test fails
     #[cfg(feature = "archives")]
     Walk(walk::Args),
-    /// Visible floor, pixel densities and blind spots; exit 4 if an area misses its level (CSV, GeoJSON, PNG,
-    /// HTML)
+    /// Compute the visible floor, pixel densities and blind spots; exit 4 if an area misses its level (CSV,
+    /// GeoJSON, PNG, HTML)
     Coverage(coverage::Args),
     /// Measure lengths, heights, areas and speeds in the images, with standard deviations
     Measure(measure::Args),
     /// Write a self-contained HTML report with every overlay, number and warning
     Report(report::Args),
-    /// Export the calibration for another program; exit 5 if the format cannot hold all of it
+    /// Export the calibration for another program; exit 5 if the format would lose data
     Export(export::Args),
     /// Import the cameras of another program into a site
     Import(import::Args),

@@ -30,7 +30,7 @@ impl PlanFile {
         if has_ending(path, "kmz") {
             return Err(CommandError::invalid(
                 file,
-                "this is a KMZ archive; unzip it, and open the KML file in it",
+                "is a KMZ archive; unzip the archive, and use the KML file inside",
             ));
         }
         if !has_ending(path, "kml") {
@@ -42,9 +42,9 @@ impl PlanFile {
             };
             return Ok(Self { path: path.to_owned(), bytes, position, overlay: None });
         }
-        let text = String::from_utf8(bytes).map_err(|_| CommandError::invalid(file, "not UTF-8 text"))?;
+        let text = String::from_utf8(bytes).map_err(|_| CommandError::invalid(file, "is not UTF-8 text"))?;
         let Some(overlay) = KmlOverlay::read(&text) else {
-            let what = "no ground overlay with a LatLonBox; for points, use `calib import kml`";
+            let what = "contains no ground overlay with a LatLonBox; for points, use `calib import kml`";
             return Err(CommandError::invalid(file, what));
         };
         if overlay.image.contains("://") {
@@ -92,7 +92,7 @@ impl PlanFile {
             (MapSystem::Unknown, Some(crs)) => Some(crs.clone()),
             (MapSystem::Unknown, None) => {
                 print_message(format_args!(
-                    "calib: {from}: states a position without its grid; add --crs EPSG:CODE to use it"
+                    "calib: {from}: states a position without a grid; add --crs EPSG:CODE to use the position"
                 ));
                 return Ok(None);
             }

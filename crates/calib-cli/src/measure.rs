@@ -22,17 +22,17 @@ pub(crate) struct Args {
     /// Camera of the first point
     #[arg(long, value_name = "ID", requires = "from")]
     camera: Option<String>,
-    /// Raw pixel of the first point, as in 812.5,640
+    /// Raw pixel of the first point, such as 812.5,640
     #[arg(long, value_name = "U,V", value_parser = pixel, requires = "camera")]
     from: Option<Pixel>,
     /// Raw pixel of the next point; repeat for a line of several parts, or for the corners of an area
     #[arg(long, value_name = "U,V", value_parser = pixel, requires = "from")]
     to: Vec<Pixel>,
-    /// Camera of the points of --to, if it is another one
+    /// Camera of the points of --to, if it differs from --camera
     #[arg(long, value_name = "ID", requires = "to")]
     to_camera: Option<String>,
     /// Measured quantity: length, height (of the second point vertically above the first), area (seen from above)
-    /// or speed (length divided by the time) [default: speed between different times, otherwise length]
+    /// or speed (length divided by time) [default: speed if the times differ, otherwise length]
     #[arg(long, value_name = "KIND", value_parser = kind, requires = "from")]
     kind: Option<MeasurementKind>,
     /// Height of the points above the floor, in metres
@@ -44,7 +44,7 @@ pub(crate) struct Args {
     /// Time of the last point (RFC 3339); also selects the calibration [default: the time of the first point]
     #[arg(long, value_name = "TIME", requires = "to")]
     to_at: Option<String>,
-    /// Standard deviation of each pixel coordinate [default: of the camera's annotations]
+    /// Standard deviation of each pixel coordinate [default: that of the camera's annotations]
     #[arg(long, value_name = "S", requires = "from")]
     sigma_px: Option<f64>,
     /// Output format [default: text on a terminal, otherwise json]
@@ -88,13 +88,14 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     for id in args.camera.iter().chain(&args.to_camera) {
         if file.site.cameras.iter().all(|camera| camera.id != *id) {
             let ids = shortened_list(file.site.cameras.iter().map(|camera| camera.id.as_str()));
-            return Err(CommandError::Usage(format!("unknown camera {id}; {} has {ids}", file.path)));
+            let what = format!("unknown camera {id}; {} has the cameras {ids}", file.path);
+            return Err(CommandError::Usage(what));
         }
     }
     warn_assumed_scale(&file.site, &measurement);
     let found = file.site.measure(&measurement).map_err(|error| match &error {
         MeasurementError::TooFewPoints { least, .. } => CommandError::Usage(format!(
-            "--to: this kind needs at least {least} points, with the point of --from"
+            "--to: this kind needs at least {least} points, including the point of --from"
         )),
         MeasurementError::NoDuration => {
             CommandError::Usage("a speed needs --from-at and a later --to-at".into())
@@ -123,7 +124,8 @@ fn typed_measurement(args: &Args) -> Result<Option<Measurement>, CommandError> {
     let usual = if has_two_times { MeasurementKind::Speed } else { MeasurementKind::Length };
     let kind = args.kind.unwrap_or(usual);
     if kind == MeasurementKind::Height && args.to.len() > 1 {
-        return Err(CommandError::Usage("--to: a height has one point above the first".into()));
+        let what = "--to: a height has only one point above the first; give --to once";
+        return Err(CommandError::Usage(what.into()));
     }
     let point = |camera: &String, px: Pixel, at: Option<&String>| MeasurementPoint {
         height_m: Some(args.height_m),

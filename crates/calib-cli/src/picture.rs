@@ -24,7 +24,7 @@ pub(crate) fn is_jpeg_name(name: &str) -> Result<bool, CommandError> {
         Some("jpg" | "jpeg") => Ok(true),
         Some("png") | None => Ok(false),
         Some(_) => {
-            Err(CommandError::Usage(format!("{name}: expected a picture whose name ends in .png or .jpg")))
+            Err(CommandError::Usage(format!("{name}: expected a file name that ends in .png or .jpg")))
         }
     }
 }

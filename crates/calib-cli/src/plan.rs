@@ -25,10 +25,10 @@ pub(crate) struct Args {
     /// Page of a PDF, from 1
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     page: Option<u32>,
-    /// Shown layer of a DXF; repeat for several [default: the layers that are on in the drawing]
+    /// Layer of a DXF to show; repeat for several [default: the layers that are on in the drawing]
     #[arg(long = "layer", value_name = "NAME")]
     layers: Vec<String>,
-    /// Scale of the paper, such as 1:100
+    /// Scale of a PDF, such as 1:100
     #[arg(long, value_name = "1:N", value_parser = ratio, conflicts_with = "unit")]
     scale: Option<f64>,
     /// Unit of a DXF: mm, cm, m, in or ft
@@ -40,13 +40,13 @@ pub(crate) struct Args {
     /// Grid of a map image without grid information, such as EPSG:25832
     #[arg(long, value_name = "EPSG:CODE", value_parser = grid)]
     crs: Option<CoordinateSystem>,
-    /// Site that gets this plan; the positions of its cameras stay
+    /// Site to write this plan into; its cameras keep their positions
     #[arg(long, value_name = "SITE", requires = "output")]
     site: Option<String>,
     /// Layer of a DXF whose straight lines become walls of the site, for the coverage; repeat for several
     #[arg(long, value_name = "LAYER", requires = "site")]
     walls: Vec<String>,
-    /// Height of these walls in metres [default: higher than every camera]
+    /// Height of the walls of --walls, in metres [default: higher than every camera]
     #[arg(long, value_name = "M", value_parser = wall_height, requires = "walls")]
     wall_height_m: Option<f64>,
     /// File to write: a picture (PNG, or JPEG for .jpg), or with --site the site with this plan; - is stdout
@@ -72,13 +72,13 @@ fn ratio(text: &str) -> Result<f64, String> {
 /// Parses the size of a pixel in metres.
 fn pixel_size(text: &str) -> Result<f64, String> {
     let size = text.trim().parse::<f64>().ok().filter(|size| (1e-9..1e9).contains(size));
-    size.ok_or_else(|| "expected metres above 0".into())
+    size.ok_or_else(|| "expected a number of metres above 0".into())
 }
 
 /// Parses the height of a wall in metres.
 fn wall_height(text: &str) -> Result<f64, String> {
     let height = text.trim().parse::<f64>().ok().filter(|height| (0.01..=1e3).contains(height));
-    height.ok_or_else(|| "expected metres from 0.01 to 1000".into())
+    height.ok_or_else(|| "expected a number of metres from 0.01 to 1000".into())
 }
 
 /// Floor plan that was read.
@@ -172,7 +172,7 @@ fn read_plan(
         let source = match facts.scale_source? {
             ScaleSource::Unit => "from the unit of the drawing".into(),
             ScaleSource::Text(ratio) => {
-                format!("1:{ratio}, from a text on the page; check it with a known distance")
+                format!("1:{ratio}, from text on the page; check the scale with a known distance")
             }
         };
         Some((facts.metres_per_px?, source))
@@ -238,8 +238,8 @@ fn write_site(
         (None, None) => return Err(CommandError::Usage(unknown_scale(read))),
     };
     print_message(format_args!(
-        "calib: {} m a pixel ({source}); world (0, 0) is at plan pixel {}, {}; cameras and control points keep their \
-         positions in metres",
+        "calib: {} m per pixel ({source}); world (0, 0) is at plan pixel {}, {}; cameras and control points \
+         keep their positions in metres",
         plan.metres_per_px, plan.origin_px.x, plan.origin_px.y
     ));
     let mut site = file.site;
@@ -252,7 +252,8 @@ fn write_site(
     site.replace_plan(plan);
     let [added, short] = site.add_walls(entries);
     if !args.walls.is_empty() {
-        let left_out = [(walls.others, "curve", "curves"), (short, "line below 0.1 m", "lines below 0.1 m")];
+        let short = (short, "line shorter than 0.1 m", "lines shorter than 0.1 m");
+        let left_out = [(walls.others, "curve", "curves"), short];
         let left_out = left_out.into_iter().filter(|(count, ..)| *count > 0);
         let left_out: Vec<String> = left_out.map(|(count, one, more)| counted(count, one, more)).collect();
         let left_out =
@@ -319,12 +320,12 @@ fn unknown_scale(read: &ReadPlan) -> String {
             format!("--scale is missing: the page mentions the scales {}; choose one", scales.join(", "))
         }
         Some(DrawingFacts { kind: DrawingKind::Pdf, .. }) => {
-            "--scale is missing: the page mentions no scale such as 1:100".into()
+            "--scale is missing: the page mentions no scale; give one such as 1:100".into()
         }
         Some(DrawingFacts { kind: DrawingKind::Dxf, .. }) => {
-            "--unit is missing: the drawing states no unit of length".into()
+            "--unit is missing: the drawing states no unit of length; give one such as mm".into()
         }
-        _ => "--metres-per-px is missing: the file states no scale; measure it in the app".into(),
+        _ => "--metres-per-px is missing: the file states no scale; measure the scale in the app".into(),
     }
 }
 
@@ -385,14 +386,16 @@ fn as_text(args: &Args, read: &ReadPlan) -> String {
     if let Some(corner) = on_map.as_ref().and_then(|plan| plan.georeference.as_ref()) {
         let _ = writeln!(
             text,
-            "Position: lower left corner at {:.7}, {:.7}; right is at {:.2} degrees clockwise from north",
+            "Position: lower left corner at {:.7}, {:.7}; the bottom edge runs {:.2} degrees clockwise \
+             from north",
             corner.lat_deg, corner.lon_deg, corner.x_axis_azimuth_deg
         );
     }
     match of_map.as_ref().or(read.scale.as_ref()) {
         Some((scale, source)) => {
             let [w, h] = read.size.map(|side| f64::from(side) * scale);
-            let _ = writeln!(text, "Scale: {scale} m a pixel ({source}); the plan shows {w:.2} m x {h:.2} m");
+            let _ =
+                writeln!(text, "Scale: {scale} m per pixel ({source}); the plan shows {w:.2} m x {h:.2} m");
         }
         None => {
             let _ = writeln!(text, "Scale: unknown. {}", unknown_scale(read));

@@ -109,7 +109,7 @@ impl Pulse {
         Self { _end: end }
     }
 
-    /// Starts the messages as [`Self::new`] does, unless a terminal shows a progress bar.
+    /// Starts periodic messages as [`Self::new`] does. Returns `None` if stderr is a terminal, which shows a progress bar.
     pub(crate) fn unless_terminal(work: &'static str) -> Option<Self> {
         (!std::io::stderr().is_terminal()).then(|| Self::new(work))
     }

@@ -97,11 +97,11 @@ pub(crate) struct Args {
     /// Column with the camera of every row; rows of uncalibrated cameras get the status no-calibration
     #[arg(long, value_name = "NAME", conflicts_with = "camera")]
     camera_column: Option<String>,
-    /// Column of times (timestamps, or RFC 3339 text; UTC without an offset): each row is mapped by the
-    /// calibration valid at its time
+    /// Column of times (timestamps, or RFC 3339 text; UTC if no offset is given): each row is mapped with
+    /// the calibration valid at its time
     #[arg(long, value_name = "NAME", conflicts_with = "at")]
     at_column: Option<String>,
-    /// Unit of numbers in that column, counted from 1970; by default taken from the end of its name (_s, _ms,
+    /// Unit of numeric times, counted from 1970; by default taken from the end of the column's name (_s, _ms,
     /// _us, _ns)
     #[arg(long, value_enum, value_name = "UNIT", requires = "at_column")]
     at_unit: Option<AtUnit>,
@@ -111,7 +111,7 @@ pub(crate) struct Args {
     /// Whether pixels are points or boxes
     #[arg(long, value_enum, default_value_t = Columns::Auto)]
     columns: Columns,
-    /// Meaning of the four numbers of a box; by default from the names of its columns
+    /// Meaning of the four numbers of a box; by default taken from the names of the columns
     #[arg(long, value_enum, value_name = "FORM")]
     box_form: Option<TableBoxForm>,
     /// Origin of pixel coordinates
@@ -123,25 +123,26 @@ pub(crate) struct Args {
     /// Width and height of the stream that the pixels belong to, if it differs from the image
     #[arg(long, value_name = "WxH", value_parser = size)]
     stream_size: Option<[u32; 2]>,
-    /// Scaling of the image to that stream; needed if the aspect ratios differ
+    /// Scaling of the image to the stream of --stream-size; required if the aspect ratios differ
     #[arg(long, value_enum, requires = "stream_size")]
     stream_fit: Option<Fit>,
     /// Standard deviation of a detection, in pixels of its stream: adds `sigma_x_m,sigma_y_m,rho` for the
     /// pixel and `calibration_sigma_x_m` and so on for the calibration; the latter are empty if unknown
     #[arg(long, value_name = "P")]
     sigma_px: Option<f64>,
-    /// Add `lat_deg,lon_deg` (WGS84) of every floor point; needs a georeference of the site. With --sigma-px
-    /// also standard deviations toward east and north
+    /// Add `lat_deg,lon_deg` (WGS84) of every floor point; needs a georeferenced site. With
+    /// --sigma-px, also the standard deviations toward east and north
     #[arg(long)]
     geographic: bool,
-    /// Add `easting,northing` of every floor point in a projected grid, in the unit of the grid, such as
-    /// EPSG:25832; needs a georeference of the site. With --sigma-px also standard deviations toward east and north
+    /// Add `easting,northing` of every floor point in a projected grid such as EPSG:25832, in the unit of the
+    /// grid; needs a georeferenced site. With --sigma-px, also the standard deviations toward east and
+    /// north
     #[arg(long, value_name = "EPSG:CODE", value_parser = grid)]
     crs: Option<CoordinateSystem>,
-    /// Rows with a cell that is not a number or not a time
+    /// Handling of rows with a cell that is not a number or not a time
     #[arg(long, value_enum, default_value_t = BadRows::Fail)]
     bad_rows: BadRows,
-    /// Replace columns that the table already has
+    /// Replace output columns that the table already has
     #[arg(long)]
     replace: bool,
     /// Input table; - is stdin
@@ -153,7 +154,7 @@ pub(crate) struct Args {
     /// Output table; - is stdout
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     output: String,
-    /// Format of the output; by default taken from its name, or the same as the input
+    /// Format of the output; by default taken from its name, otherwise the same as the input
     #[arg(long, value_name = "FORMAT", value_parser = formats())]
     format: Option<String>,
     /// Keep this CSV column as text, even if its first cells look like numbers (repeat for more)

@@ -56,7 +56,7 @@ pub(crate) struct Args {
     /// Automatic calibrations to accept into the site
     #[arg(long, value_enum, default_value = "check")]
     accept: Accept,
-    /// Draw every image with its automatic calibration into this folder
+    /// Write every image, with its automatic calibration drawn on it, to this folder
     #[arg(long, value_name = "DIR")]
     render: Option<PathBuf>,
     /// Output format of the report
@@ -116,8 +116,8 @@ fn warn_about_outside_images(site: &Site, output: &str) {
         site.cameras.iter().filter(|camera| camera.image.as_deref().is_some_and(is_outside)).count();
     if outside > 0 && output != "-" {
         print_message(format_args!(
-            "calib: {outside} of {} images are outside the folder of {output}. Write the site to their folder, or give \
-             --allow-outside to other commands",
+            "calib: {outside} of {} images are outside the folder of {output}. Write the site to the folder \
+             of the images, or add --allow-outside to other commands",
             site.cameras.len()
         ));
     }
@@ -292,7 +292,8 @@ fn check_all_accepted(site: &Site, results: &[ImageCalibration]) -> Result<(), C
         return Ok(());
     }
     Err(CommandError::Unsolved(format!(
-        "{} of {} images have no accepted calibration: {}. Annotate them, or review the results of --accept all",
+        "{} of {} images have no accepted calibration: {}. Annotate these images, or review the \
+         results with --accept all",
         unaccepted.len(),
         results.len(),
         shortened_list(unaccepted.iter().copied())
@@ -327,7 +328,7 @@ impl BatchProgress {
         self.bar.set_position(self.done as u64);
         if self.bar.is_hidden() && self.last_message.elapsed() >= Self::MESSAGE_INTERVAL {
             self.last_message = Instant::now();
-            print_message(format_args!("calib: {} of {} images", self.done, self.total));
+            print_message(format_args!("calib: {} of {} images done", self.done, self.total));
         }
     }
 }

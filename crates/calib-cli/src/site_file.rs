@@ -203,7 +203,7 @@ impl SiteFile {
         }
         let folder = if self.folder.as_os_str().is_empty() { Path::new(".") } else { &self.folder };
         let Ok(real) = self.folder.join(image).canonicalize() else {
-            return Some(format!("was not found; image paths are relative to {}", self.path));
+            return Some(format!("was not found; image paths are relative to the folder of {}", self.path));
         };
         let is_inside =
             self.allows_outside || folder.canonicalize().is_ok_and(|folder| real.starts_with(folder));
@@ -247,7 +247,7 @@ impl SiteFile {
         let name = camera.image.as_deref().ok_or_else(|| {
             CommandError::invalid(
                 &self.path,
-                format!("camera \"{}\" has no image, and this command needs one", camera.id),
+                format!("camera \"{}\" has no image, but this command needs one", camera.id),
             )
         })?;
         let bytes = self.image_bytes(name)?;
@@ -355,7 +355,7 @@ pub(crate) fn list_images(given: &[PathBuf]) -> Result<Vec<PathBuf>, CommandErro
     Ok(found)
 }
 
-/// Reports the files of a folder that are not read. Files whose names begin with a dot are hidden.
+/// Reports the files of a folder that are not read as images. Files whose names begin with a dot are not reported.
 fn report_skipped(folder: &Path, others: Vec<PathBuf>) {
     let name = |path: &PathBuf| path.file_name().map(|name| name.to_string_lossy().into_owned());
     let mut names: Vec<String> = others

@@ -26,14 +26,14 @@ const MAX_REDIRECTS: usize = 3;
 /// Arguments for the address of a camera.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct SnapshotArgs {
-    /// File with the user's name in its first line, and the password in its second; otherwise the environment
-    /// variables `CALIB_CAMERA_USER` and `CALIB_CAMERA_PASSWORD`
+    /// File with the user name on its first line and the password on its second [default: the environment
+    /// variables `CALIB_CAMERA_USER` and `CALIB_CAMERA_PASSWORD`]
     #[arg(long, value_name = "FILE")]
     pub(crate) credentials: Option<PathBuf>,
-    /// Longest time for a snapshot, in seconds
+    /// Maximum time for a snapshot, in seconds
     #[arg(long, value_name = "S", default_value = "15", value_parser = clap::value_parser!(u64).range(1..=600))]
     timeout: u64,
-    /// Accept an HTTPS certificate that no authority has signed, as many cameras have
+    /// Accept an HTTPS certificate that no authority has signed, as is usual for cameras
     #[arg(long)]
     insecure: bool,
 }
@@ -70,13 +70,13 @@ pub(crate) fn read(address: &str, args: &SnapshotArgs) -> Result<(Vec<u8>, RgbIm
     };
     let uri: Uri = address.parse().map_err(|_| invalid(&address, "is not a complete address"))?;
     if !matches!(uri.scheme_str(), Some("http" | "https")) {
-        let what = "is not an http or https address. Use the snapshot address of the camera (its manual names it), or \
-                    save one frame, for example with `ffmpeg -i ADDRESS -frames:v 1 still.png`";
+        let what = "is not an http or https address. Use the snapshot address of the camera (see its manual), \
+                    or save one frame, for example with `ffmpeg -i ADDRESS -frames:v 1 still.png`";
         return Err(invalid(&address, what));
     }
     let bytes = fetch(uri, credentials.as_ref(), args)?;
     let image = calib_input::decode(&bytes).map_err(|error| {
-        invalid(&address, format!("gave {} bytes that are not an image: {error}", bytes.len()))
+        invalid(&address, format!("returned {} bytes that are not an image: {error}", bytes.len()))
     })?;
     Ok((bytes, image))
 }
@@ -147,7 +147,7 @@ fn read_credentials(args: &SnapshotArgs) -> Result<Option<Credentials>, CommandE
             Ok(Some(Credentials { user: user.trim().into(), password: password.trim_end().into() }))
         }
         _ => {
-            let what = "expected the user's name in the first line, and the password in the second";
+            let what = "expected the user name on the first line and the password on the second";
             Err(CommandError::invalid(path.display(), what))
         }
     }
@@ -180,17 +180,18 @@ fn fetch(
         let status = response.status();
         match status {
             StatusCode::UNAUTHORIZED if !may_get_credentials(&first, &uri) => {
-                let what =
-                    "demands a name and a password, but another host redirects to it; enter this address";
+                let what = "requires a user name and a password, which are not sent after a redirect from \
+                            another host; enter this address directly";
                 return Err(failed(&uri, what));
             }
             StatusCode::UNAUTHORIZED if credentials.is_none() => {
-                let what =
-                    format!("demands a name and a password: set {USER} and {PASSWORD}, or use --credentials");
+                let what = format!(
+                    "requires a user name and a password: set {USER} and {PASSWORD}, or use --credentials"
+                );
                 return Err(failed(&uri, what));
             }
             StatusCode::UNAUTHORIZED | StatusCode::FORBIDDEN => {
-                return Err(failed(&uri, format!("refuses this name or password ({status})")));
+                return Err(failed(&uri, format!("rejected the user name or password ({status})")));
             }
             _ if status.is_redirection() => uri = redirected(&uri, &response)?,
             _ if status.is_success() => {
@@ -200,7 +201,7 @@ fn fetch(
                 let body = response.body_mut().with_config().limit(MAX_BYTES).read_to_vec();
                 return body.map_err(|error| failed(&uri, error));
             }
-            _ => return Err(failed(&uri, format!("answers {status}"))),
+            _ => return Err(failed(&uri, format!("responded with {status}"))),
         }
     }
     Err(failed(&uri, format!("more than {MAX_REDIRECTS} redirects")))
@@ -246,7 +247,7 @@ fn authorization(
     };
     let path = uri.path_and_query().map_or("/", ureq::http::uri::PathAndQuery::as_str);
     let unknown =
-        |error: digest_auth::Error| failed(uri, format!("its authentication is not understood: {error}"));
+        |error: digest_auth::Error| failed(uri, format!("its authentication is not supported: {error}"));
     let mut prompt = digest_auth::parse(digest).map_err(unknown)?;
     let answer = prompt.respond(&AuthContext::new(user, password, path)).map_err(unknown)?;
     Ok(answer.to_header_string())
@@ -254,7 +255,7 @@ fn authorization(
 
 /// Returns the address to which a response redirects.
 fn redirected(uri: &Uri, response: &Response<Body>) -> Result<Uri, CommandError> {
-    let unknown = || failed(uri, "redirects to an address that is not understood");
+    let unknown = || failed(uri, "redirects to an invalid or unsupported address");
     let target = response.headers().get("Location").and_then(|value| value.to_str().ok());
     let target = target.ok_or_else(unknown)?;
     let authority = uri.authority().map_or("", ureq::http::uri::Authority::as_str);

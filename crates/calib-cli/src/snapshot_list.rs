@@ -52,7 +52,7 @@ impl ListedCamera {
         match () {
             () if self.id.trim().is_empty() => Some("the id is empty"),
             () if is_path || self.id.chars().any(char::is_control) => {
-                Some("the id is not usable as the name of a file")
+                Some("the id cannot be used as a file name")
             }
             () if !snapshot::is_address(&self.address) => {
                 Some("the address is incomplete, expected http://\u{2026} or https://\u{2026}")
@@ -90,7 +90,8 @@ impl ListedCamera {
 pub(crate) fn run(list: &Path, args: &SnapshotArgs, output: &OutputArgs) -> Result<(), CommandError> {
     let cameras = read_list(list)?;
     if output.is_stdout() {
-        return Err(CommandError::Usage("--output: expected a folder together with --all".into()));
+        let what = "--output: expected a folder, because --all writes several images";
+        return Err(CommandError::Usage(what.into()));
     }
     for path in cameras.iter().flat_map(|camera| camera.paths(output)) {
         output.check_path_free(&path)?;
@@ -118,7 +119,7 @@ pub(crate) fn run(list: &Path, args: &SnapshotArgs, output: &OutputArgs) -> Resu
     if failures.is_empty() {
         Ok(())
     } else {
-        Err(CommandError::Failed(anyhow::anyhow!("no snapshot of {}", failures.join(", "))))
+        Err(CommandError::Failed(anyhow::anyhow!("no snapshot from {}", failures.join(", "))))
     }
 }
 
@@ -126,12 +127,12 @@ pub(crate) fn run(list: &Path, args: &SnapshotArgs, output: &OutputArgs) -> Resu
 fn read_list(path: &Path) -> Result<Vec<ListedCamera>, CommandError> {
     let invalid = |what: String| CommandError::invalid(path.display(), what);
     let bytes = calib_input::read(path, MAX_BYTES).map_err(|error| invalid(error.to_string()))?;
-    let text = String::from_utf8(bytes).map_err(|_| invalid("is not a text file in UTF-8".into()))?;
+    let text = String::from_utf8(bytes).map_err(|_| invalid("is not a UTF-8 text file".into()))?;
     let list: CameraList = toml::from_str(&text).map_err(|error| {
         // Neither the line nor the message is printed, because they may contain a password.
         let start = error.span().map_or(0, |span| span.start);
         let line = 1 + text.bytes().take(start).filter(|&byte| byte == b'\n').count();
-        invalid(format!("line {line}: expected [[cameras]], each with id, address and optional credentials"))
+        invalid(format!("line {line}: expected [[cameras]], each with id, address and maybe credentials"))
     })?;
     let mut ids = HashSet::new();
     for camera in &list.cameras {

@@ -285,7 +285,8 @@ fn text(site: &Site, reports: &[CameraReport]) -> String {
     let is_assumed =
         |report: &CameraReport| report.camera.solution.is_some() && !site.scale_is_known(report.camera);
     if reports.iter().any(is_assumed) {
-        let _ = writeln!(out, "{ASSUMED_MARK} assumed height; the \u{b1} of the floor excludes the scale.");
+        let what = "assumed height; the \u{b1} of the floor excludes the error of the scale.";
+        let _ = writeln!(out, "{ASSUMED_MARK} {what}");
     }
     let has_centre = |report: &CameraReport| {
         let sigma = report.camera.solution.as_ref().and_then(|solution| solution.sigma.as_ref());
@@ -293,7 +294,8 @@ fn text(site: &Site, reports: &[CameraReport]) -> String {
     };
     if reports.iter().any(has_centre) {
         out.push_str(
-            "The \u{b1} include an unknown principal point. To reduce them, enter lens.principal_point_px, or draw lines in a third direction.\n",
+            "The \u{b1} values include an unknown principal point. To reduce them, enter lens.principal_point_px, \
+             or draw lines in a third direction.\n",
         );
     }
     for CameraReport { camera, .. } in reports {

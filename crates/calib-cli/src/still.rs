@@ -20,13 +20,14 @@ pub(crate) struct Args {
     /// Video file (MP4, MOV, MKV, AVI; H.264, H.265, motion JPEG), or http(s) address of a snapshot
     #[arg(value_name = "VIDEO|URL", required_unless_present = "all")]
     source: Option<String>,
-    /// List of cameras (TOML with id and address); writes ID.jpg of each camera into the folder --output
+    /// List of cameras (TOML with ids and addresses); writes the image of each camera as ID.jpg to the folder
+    /// --output
     #[arg(long, value_name = "FILE", conflicts_with_all = ["source", "at", "median"])]
     all: Option<PathBuf>,
-    /// Time of the frame: seconds, MM:SS or HH:MM:SS, from the start of the video; default: the first frame
+    /// Time of the frame from the start of the video: seconds, MM:SS or HH:MM:SS [default: the first frame]
     #[arg(long, value_name = "TIME", value_parser = seconds, conflicts_with = "median")]
     at: Option<f64>,
-    /// Median of this number of frames, evenly spaced over the video: people and vehicles disappear
+    /// Write the median of this number of frames, evenly spaced over the video; people and vehicles disappear
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=201))]
     median: Option<u16>,
     #[command(flatten)]
@@ -54,7 +55,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     let file = File::open(path).map_err(|error| invalid(error.into()))?;
     let mut video = Video::open(BufReader::new(file)).map_err(|error| match error {
         VideoError::NotVideo if is_image(path) => {
-            let what = "is an image, expected a video; use the image itself as the still";
+            let what = "is an image, expected a video; use this image directly";
             CommandError::invalid(path.display(), what)
         }
         error => invalid(error),
@@ -104,7 +105,7 @@ fn median(video: &mut Video, count: u16) -> Result<RgbImage, VideoError> {
     ));
     if found.busy_share > MAX_BUSY_SHARE {
         print_message(format_args!(
-            "calib: objects stand still in {:.1} % of the image, and may be visible; use a longer video",
+            "calib: objects that hardly moved may be visible in {:.1} % of the image; use a longer video",
             100.0 * found.busy_share
         ));
     }

@@ -65,12 +65,12 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
         CropArg::AllPixels => Crop::AllPixels,
     };
     let (width, height) = image.dimensions();
-    let too_small = || anyhow::anyhow!("an image of {width} x {height} pixels cannot be undistorted");
+    let too_small = || anyhow::anyhow!("an image of {width} x {height} pixels is too small to undistort");
     let made = |crop| Undistortion::new(&lens, width as usize, height as usize, crop);
     let is_round = made(crop).is_none() && made(Crop::SameFocal).is_some();
     if is_round {
         return Err(CommandError::Usage(format!(
-            "camera \"{}\": a flat image cannot show its whole field of view. Omit --crop, or use --look, \
+            "a flat image cannot show the whole field of view of camera \"{}\". Omit --crop, or use --look, \
              --quadrants or --panorama",
             entry.id
         )));

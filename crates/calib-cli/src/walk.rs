@@ -22,7 +22,7 @@ pub(crate) struct Args {
     /// Write an HTML acceptance report for signature
     #[arg(short, long, value_name = "FILE")]
     output: Option<String>,
-    /// Overwrite the page
+    /// Overwrite the output file
     #[arg(long)]
     force: bool,
     #[command(flatten)]
@@ -44,7 +44,7 @@ pub(crate) fn require_walk(arg: clap::Arg) -> clap::Arg {
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = HEADING)]
 pub(crate) struct WalkArgs {
-    /// Table of detections of one person who walked through the site, tested as by `calib walk`; - is stdin
+    /// Table of detections of one person who walked through the site, tested as with `calib walk`; - is stdin
     #[arg(long, value_name = "FILE")]
     walk: Option<String>,
     #[command(flatten)]
@@ -65,13 +65,13 @@ impl WalkArgs {
 /// Limits of the acceptance test.
 #[derive(Debug, clap::Args)]
 struct Limits {
-    /// Maximum floor error of a zone, in metres; an error within its uncertainty passes
+    /// Maximum floor error of a zone, in metres; an excess within the uncertainty passes
     #[arg(long, value_name = "M", default_value_t = 0.5)]
     max_error_m: f64,
     /// Side length of the zones, in metres
     #[arg(long, value_name = "M", default_value_t = 2.0)]
     zone_m: f64,
-    /// Minimum fraction of the covered zones that the person must visit
+    /// Minimum fraction of the covered zones, from 0 to 1, that the person must visit
     #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
     min_walked: f64,
 }
@@ -147,7 +147,7 @@ impl WalkTest {
         if self.faults.is_empty() {
             return Ok(());
         }
-        Err(CommandError::Unsolved(format!("failed: {}", self.faults.join("; "))))
+        Err(CommandError::Unsolved(format!("the walk test failed: {}", self.faults.join("; "))))
     }
 }
 
@@ -173,7 +173,8 @@ fn faults(limits: &Limits, names: &[String], result: &WalkResult, zones: &Zones)
     let together = result.moments.iter().filter(|moment| moment.seen.len() > 1).count();
     if together < MIN_MOMENTS {
         faults.push(format!(
-            "two cameras detected the person at {together} times, at least {MIN_MOMENTS} are needed: walk where views overlap"
+            "two or more cameras detected the person at {together} times, but at least {MIN_MOMENTS} are \
+             needed: walk where views overlap"
         ));
     }
     let accused = result.disagreements.iter();
@@ -191,7 +192,7 @@ fn faults(limits: &Limits, names: &[String], result: &WalkResult, zones: &Zones)
     let share = walked / zones.list.len().max(1) as f64;
     if share < limits.min_walked {
         faults.push(format!(
-            "{:.0} % of the zones were walked, {:.0} % required",
+            "{:.0} % of the zones were visited, but {:.0} % are required",
             100.0 * share,
             100.0 * limits.min_walked
         ));

@@ -24,13 +24,13 @@ pub(crate) struct Args {
     site: SiteArgs,
     #[command(flatten)]
     detections: DetectionArgs,
-    /// Write an HTML page with a plot of every camera
+    /// Write an HTML page with a plot for every camera
     #[arg(short, long, value_name = "FILE")]
     output: Option<String>,
-    /// Overwrite the page
+    /// Overwrite the output file
     #[arg(long)]
     force: bool,
-    /// Load and save the accumulated statistics in this file; rows that were already read are skipped
+    /// Keep the accumulated statistics in this file between runs; rows that were already read are skipped
     #[arg(long, value_name = "FILE")]
     state: Option<String>,
     /// Output format of the report
@@ -86,7 +86,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if moved.is_empty() {
         return Ok(());
     }
-    Err(CommandError::Unsolved(format!("moved: {}", calib_report::shortened_list(moved))))
+    Err(CommandError::Unsolved(format!("cameras that moved: {}", calib_report::shortened_list(moved))))
 }
 
 /// Drift detection with its saved state.
@@ -117,13 +117,15 @@ impl<'a> WatchRun<'a> {
         let wrong = |what: &str| CommandError::invalid(found.display(), what);
         let bytes = calib_input::read(found, MAX_STATE_BYTES).map_err(|why| wrong(&why.to_string()))?;
         let state: State = serde_json::from_slice(&bytes)
-            .map_err(|error| wrong(&format!("not a state file of calib watch: {error}")))?;
+            .map_err(|error| wrong(&format!("is not a state file of calib watch: {error}")))?;
         if state.site_sha256 != fresh.site_sha256 || state.cameras != fresh.cameras {
-            let what = "belongs to another calibration or other cameras; choose another file, or delete it to start again";
+            let what = "belongs to another calibration or other cameras; choose another file, or delete this \
+                        one to start again";
             return Err(wrong(what));
         }
         let watch = watch.with_memory(state.memory.clone());
-        let watch = watch.ok_or_else(|| wrong("belongs to other cameras; delete it to start again"))?;
+        let watch =
+            watch.ok_or_else(|| wrong("belongs to other cameras; delete this file to start again"))?;
         Ok(Self { watch, state, path, input })
     }
 

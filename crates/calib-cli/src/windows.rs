@@ -31,8 +31,9 @@ enum MountArg {
 /// Arguments for virtual views.
 #[derive(Debug, clap::Args)]
 pub(crate) struct WindowArgs {
-    /// Write a flat view: its direction from the camera's axis and its width, in degrees (repeat for more).
-    /// As in a site, pitch is positive down and yaw positive to the left; a roll may follow
+    /// Write a flat view with this direction from the camera's axis and this horizontal field of view, in
+    /// degrees (repeat for more). As in a site, pitch is positive down and yaw positive to the left; a roll
+    /// may follow
     #[arg(long, value_name = "PITCH,YAW,HFOV", value_parser = look, allow_hyphen_values = true, conflicts_with = "crop")]
     look: Vec<ViewDirection>,
     /// Write four flat views around the camera's axis
@@ -41,8 +42,8 @@ pub(crate) struct WindowArgs {
     /// Write a cylindrical panorama
     #[arg(long, conflicts_with = "crop")]
     panorama: bool,
-    /// Mounting of the camera, for --quadrants and --panorama; by default wall for a known pitch up to
-    /// 45°, otherwise ceiling
+    /// Mounting of the camera, for --quadrants and --panorama; by default wall if the pitch is known and at
+    /// most 45°, otherwise ceiling
     #[arg(long, value_enum)]
     mount: Option<MountArg>,
     /// Size of a view [default: 1280x720, 2400x800 for --panorama]
@@ -144,7 +145,7 @@ pub(crate) fn run(
         .windows(mount, reach)
         .ok_or_else(|| CommandError::Usage("the size of a view is invalid".into()))?;
     if windows.len() > 1 && output.is_stdout() {
-        return Err(CommandError::Usage("several views need several files: give -o FILE".into()));
+        return Err(CommandError::Usage("several views cannot go to stdout: give -o FILE".into()));
     }
     let (lens, camera) = (&lens, camera.as_ref());
     let views = windows
@@ -188,7 +189,8 @@ impl View<'_> {
     ) -> Result<(), CommandError> {
         let size = [image.width(), image.height()].map(|side| side as usize);
         let [width, height] = self.window.size;
-        let too_large = || anyhow::anyhow!("an image of {width} x {height} pixels cannot be created");
+        let too_large =
+            || anyhow::anyhow!("an image of {width} x {height} pixels is too large; give a smaller --size");
         let map = self.window.remap(self.lens, self.focal, size).ok_or_else(too_large)?;
         let mut bytes = vec![0; 3 * width * height];
         if !map.apply_into(image.as_raw(), &mut bytes) {
@@ -232,7 +234,8 @@ impl View<'_> {
         }
         let (id, reach) = (&self.entry.id, self.reach.to_degrees());
         Err(CommandError::Usage(format!(
-            "camera \"{id}\" does not see this direction: its image reaches {reach:.0}\u{b0} from its axis"
+            "camera \"{id}\" does not see this direction: its image reaches only {reach:.0}\u{b0} from the \
+             axis of the lens"
         )))
     }
 

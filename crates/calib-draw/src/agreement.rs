@@ -140,8 +140,8 @@ fn has_outlier(found: &ElementSolution) -> bool {
     found.residuals.iter().any(|residual| residual.outlier)
 }
 
-/// Returns the observations by camera. `cameras` contains the placed cameras by id, and `seen` compares the
-/// observations of one camera.
+/// Returns the observations of a link or mark in the placed cameras with these ids. `cameras` contains the placed
+/// cameras by id. `seen` compares the observations of one camera with the solved position.
 fn views<'a>(
     site: &'a Site,
     cameras: &HashMap<&str, (usize, Camera)>,

@@ -29,7 +29,7 @@ impl SearchLine {
                 Some(Self {
                     path: ray(camera, pixel, plane, height)?,
                     at,
-                    instruction: "is on this line: click it",
+                    instruction: "is on this line: click the point",
                 })
             }
             LinkKind::Post => {
@@ -58,7 +58,7 @@ impl SearchLine {
                 let beyond = LINE_EXTENSION_M / apart;
                 let path = [-beyond, 1.0 + beyond].map(along).to_vec();
                 let at = Some(along(0.5));
-                Some(Self { path, at, instruction: "is along this line: drag along it" })
+                Some(Self { path, at, instruction: "follows this line: drag along it" })
             }
         }
     }

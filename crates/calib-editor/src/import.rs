@@ -61,7 +61,7 @@ pub fn import_any(files: &[File]) -> Result<(&'static Format, Imported), String>
             FORMATS.iter().filter(|format| format.can_import()).map(|format| format.name).collect();
         return Err(format!("File format not recognised. Supported formats: {}.", known.join(", ")));
     }
-    Err(format!("Formats that were tried: {}.", wrong.join("; ")))
+    Err(format!("Import failed. Formats tried: {}.", wrong.join("; ")))
 }
 
 /// Returns the lens of a camera, scaled to images of another width and height. The error names a different
@@ -72,7 +72,8 @@ pub(crate) fn scaled(camera: &SiteCamera, size: [u32; 2]) -> Result<LensEntry, S
     if (ratio[0] / ratio[1] - 1.0).abs() > MAX_ASPECT_DIFFERENCE {
         let [w, h] = camera.size_px;
         return Err(format!(
-            "Camera {:?}: its lens was calibrated for {w} \u{d7} {h} px, and this image ({} \u{d7} {} px) has another aspect ratio. Import the lens for the recording mode of this image.",
+            "Camera {:?}: the lens was calibrated for {w} \u{d7} {h} px, but this image ({} \u{d7} {} px) \
+             has a different aspect ratio. Import the lens for the recording mode of this image.",
             camera.id, size[0], size[1]
         ));
     }

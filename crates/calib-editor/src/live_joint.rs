@@ -57,7 +57,8 @@ impl Session {
     /// the result is discarded.
     pub fn commit_refined(&mut self, from: &Site, refined: &Site) {
         if self.site != *from {
-            self.note = Some("The site changed during Refine. Refine again.".into());
+            let note = "The result was discarded: the site changed during Refine. Refine again.";
+            self.note = Some(note.into());
             return;
         }
         let before = (0..self.site.cameras.len()).map(|index| self.solved.pose(index).copied()).collect();

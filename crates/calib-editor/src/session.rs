@@ -257,7 +257,7 @@ impl Session {
         if !may && let Some(entry) = self.site.cameras.get(camera) {
             let id = &entry.id;
             self.note = Some(format!(
-                "This calibration of {id} has ended. Draw links and pins on the newest image of {id}."
+                "The period of this calibration has ended. Add links and pins in the newest image of {id}."
             ));
         }
         may
@@ -399,14 +399,14 @@ impl Session {
     /// Undoes the last gesture.
     pub fn undo(&mut self) {
         if let Some((site, name)) = self.history.undo() {
-            self.restore(site, format!("Undo: {name}"));
+            self.restore(site, format!("Undone: {name}"));
         }
     }
 
     /// Redoes the gesture that was undone last.
     pub fn redo(&mut self) {
         if let Some((site, name)) = self.history.redo() {
-            self.restore(site, format!("Redo: {name}"));
+            self.restore(site, format!("Redone: {name}"));
         }
     }
 

@@ -328,7 +328,8 @@ impl Solved {
         self.entries.get(index).map(|entry| entry.family.lenses.clone()).unwrap_or_default()
     }
 
-    /// Returns the result of a camera.
+    /// Returns the solution of a camera, or its failure. A joint solution takes precedence. `None` if the camera has no
+    /// result.
     #[must_use]
     pub fn result(&self, index: usize) -> Option<Result<&Solution, &FailureEntry>> {
         if let Some((joint, place)) = self.joint_of_camera(index) {

@@ -199,7 +199,7 @@ fn placement_state(session: &Session, camera: usize) -> String {
                 && entry.annotations.is_empty()
                 && session.solved.pose(camera).is_none() =>
         {
-            "click 4 points, here and on the plan".into()
+            "click 4 points in the image and on the plan".into()
         }
         (None, _) => "place on the plan, or add links".into(),
     }
@@ -259,7 +259,7 @@ pub fn steps(session: &Session, camera: usize) -> Vec<Step> {
             match (&from_points, plumb) {
                 (Some(text), _) => text.clone(),
                 (None, 2..) => format!("{plumb} lines"),
-                (None, _) => format!("needs 2, has {plumb}"),
+                (None, _) => format!("2 needed, {plumb} drawn"),
             },
             plumb >= 2 || is_from_points || session.solved.pose(camera).is_some() && floor >= 4,
             false,
@@ -268,7 +268,7 @@ pub fn steps(session: &Session, camera: usize) -> Vec<Step> {
             FLOOR_LINES,
             match (from_points, floor, directions) {
                 (Some(text), ..) => text,
-                (None, 0 | 1, _) => format!("needs 2, has {floor}"),
+                (None, 0 | 1, _) => format!("2 needed, {floor} drawn"),
                 (None, _, 0 | 1) => format!("{floor} lines"),
                 (None, _, directions) => format!("{floor} lines, {directions} directions"),
             },
@@ -277,7 +277,7 @@ pub fn steps(session: &Session, camera: usize) -> Vec<Step> {
         ),
         step(
             FIELD,
-            if corners >= 3 { format!("{corners} corners") } else { "click its corners".into() },
+            if corners >= 3 { format!("{corners} corners") } else { "click the corners".into() },
             corners >= 3,
             is_from_points,
         ),

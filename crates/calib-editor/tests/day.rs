@@ -510,5 +510,5 @@ fn camera_from_control_points_needs_no_lines() {
     assert!(steps.iter().all(|step| step.is_done || step.is_optional), "{steps:?}");
     assert!(is_finished, "{steps:?}");
     let (_, steps) = listed(none);
-    assert_eq!(steps.last().unwrap().state, "click 4 points, here and on the plan");
+    assert_eq!(steps.last().unwrap().state, "click 4 points in the image and on the plan");
 }

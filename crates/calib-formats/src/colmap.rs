@@ -127,7 +127,7 @@ pub(crate) fn read(input: &Input) -> Result<Imported, FormatError> {
         let mut lenses: Vec<ImportedCamera> = cameras.into_iter().map(lens).collect();
         lenses.sort_by(|a, b| a.id.cmp(&b.id));
         let mut imported = site_from_cameras(lenses, input, "cameras.txt")?;
-        notes.push("images.txt or images.bin: is missing; the cameras have lenses but no poses".into());
+        notes.push("images.txt or images.bin is missing: the cameras have lenses but no poses".into());
         imported.notes.extend(notes);
         return Ok(imported);
     }
@@ -163,7 +163,7 @@ pub(crate) fn read(input: &Input) -> Result<Imported, FormatError> {
     let points = files.iter().filter(|file| file.stem() == "points3D");
     imported.notes.extend(points.map(|file| format!("{}: not imported", file.name)));
     if input.unit_m().is_none() && imported.site.cameras.iter().any(|camera| camera.solution.is_some()) {
-        imported.notes.push("poses are read as metres with z up; a COLMAP model has arbitrary scale and axes unless it was aligned; --unit states another unit".into());
+        imported.notes.push("poses are read as metres with z up; a COLMAP model has arbitrary scale and axes unless it was aligned; use --unit for another unit".into());
     }
     Ok(imported)
 }
@@ -268,7 +268,7 @@ fn symmetric(
     let moved = focal * prism.max_displacement(rim);
     if moved.is_nan() || moved > MAX_UNREPORTED_ERROR_PX {
         let found = format!("tangential and thin-prism terms that move the rim by up to {moved:.2} px");
-        let expected = "negligible terms; calibrate it as OPENCV_FISHEYE instead";
+        let expected = "negligible terms; calibrate the camera as OPENCV_FISHEYE instead";
         return Err(FormatError::expected(line.place(), found, expected));
     }
     let [k1, k2, k3, k4, k5, k6] = terms;

@@ -172,7 +172,7 @@ impl fmt::Display for Problem {
             }
             Self::TwoResolutions { stated: [w, h], suggested: [x, y] } => write!(
                 f,
-                "found an image of {w} x {h} pixels and a camera matrix of an image of about {x:.0} x {y:.0}, \
+                "found an image of {w} x {h} pixels and a camera matrix for an image of about {x:.0} x {y:.0}, \
                  expected one resolution; correct the size (calib import --size), or scale the matrix"
             ),
             Self::Unpaired { pixels, points } => {
@@ -195,7 +195,7 @@ impl Problem {
                 "is missing; expected a folder with cameras.txt and images.txt, or with cameras.bin and images.bin"
             }
             Self::NoCameraInProject => {
-                "the project has no camera: its vanishing points do not meet, or an old version saved it; open it \
+                "the project has no camera: its vanishing points do not meet, or it was saved by an old version; open it \
                  in fSpy and save it again"
             }
             Self::AngleWithoutSize => {

@@ -94,7 +94,7 @@ pub(crate) struct FittedLens {
 pub(crate) fn fit_error_text(what: &str, off: f64) -> String {
     match off.is_finite() {
         true => format!("{what}; the nearest Kannala-Brandt lens has an error of {off:.2} px"),
-        false => format!("{what}; no Kannala-Brandt lens is near"),
+        false => format!("{what}; no Kannala-Brandt lens is close enough"),
     }
 }
 

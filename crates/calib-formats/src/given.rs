@@ -102,7 +102,8 @@ impl ImportedCamera {
         let [w, h] = size.map(|side| side as u32);
         let id = quoted(&self.id);
         notes.push(format!(
-            "camera {id}: the file has no image size; {w} x {h} is assumed from the principal point (another one: calib import --size)"
+            "camera {id}: the file has no image size; {w} x {h} is assumed from the principal point (to set another \
+             size: calib import --size)"
         ));
         Ok([w, h])
     }

@@ -131,7 +131,7 @@ fn lens(name: &str, camera: &Node) -> Result<ImportedCamera, FormatError> {
     let gain = 1.0 + sphere.map_or(0.0, |(xi, _)| xi);
     let [least, _] = Coefficient::Xi.bounds();
     if gain - 1.0 < least {
-        return Err(intrinsics.unexpected("a xi above -1"));
+        return Err(intrinsics.unexpected("xi above -1"));
     }
     let mut given = ImportedCamera::new(name, camera.place(), [fx / gain, fy / gain, cx + 0.5, cy + 0.5]);
     let size = camera.require(&["resolution"])?;
@@ -149,7 +149,8 @@ fn lens(name: &str, camera: &Node) -> Result<ImportedCamera, FormatError> {
         (Some(_), _) => {
             let place = format!("{}/distortion_coeffs", camera.place());
             let found = format!("distortion in addition to {}", model.text()?);
-            let expected = "none, or zeros; the combination is not supported. Calibrate it as omni-radtan, ds-none or eucm-none";
+            let expected = "none, or zeros; the combination is not supported. Calibrate the camera as omni-radtan, \
+                            ds-none or eucm-none";
             return Err(FormatError::expected(place, found, expected));
         }
     };

@@ -74,8 +74,8 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
     let mut imported = site_with_notes(given, rest, files, &files[0].name)?;
     if files.unit_m().is_none() {
         imported.notes.push(
-            "poses are read as metres with z up, which is true only for an aligned nerfstudio data set; --unit \
-             states another unit"
+            "poses are read as metres with z up, which is true only for an aligned nerfstudio data set; use --unit \
+             for another unit"
                 .into(),
         );
     }

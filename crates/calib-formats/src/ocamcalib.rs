@@ -153,7 +153,7 @@ fn rings(direct: &Line, corner: f64, scale: f64) -> Result<Vec<[f64; 2]>, Format
     }
     if terms[0] == 0.0 || rings.len() < 16 || has_decreased && rings.len() < RINGS / 3 {
         let found = "a polynomial whose rays do not turn outward from the centre of the image";
-        return Err(FormatError::expected(&direct.place, found, "one of a lens"));
+        return Err(FormatError::expected(&direct.place, found, "the polynomial of a lens"));
     }
     Ok(rings)
 }

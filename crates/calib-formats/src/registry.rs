@@ -128,7 +128,7 @@ const OPENCV_LENSES: &[DistortionModel] =
 pub const FORMATS: &[Format] = &[
     Format {
         name: "opencv",
-        about: "OpenCV FileStorage, one file a camera",
+        about: "OpenCV FileStorage, one file per camera",
         extensions: &["json", "yml", "yaml", "xml"],
         contains: "lens (Brown-Conrady, fisheye or rational), pose",
         lenses: OPENCV_LENSES,
@@ -143,7 +143,7 @@ pub const FORMATS: &[Format] = &[
     },
     Format {
         name: "ros",
-        about: "ROS camera_info, one file a camera",
+        about: "ROS camera_info, one file per camera",
         extensions: &["yaml", "yml"],
         contains: "lens (plumb_bob, equidistant or rational_polynomial)",
         lacks: "pose, standard deviations, EFOV, planes other than the floor",

@@ -63,7 +63,7 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
     }
     let mut imported = site_with_notes(given, rest, files, "a folder with intr_*.xml and extr_*.xml")?;
     if files.unit_m().is_none() {
-        imported.notes.push("translations are read as centimetres; --unit m reads metres".into());
+        imported.notes.push("translations are read as centimetres; use --unit m for metres".into());
     }
     let cameras = imported.site.cameras.iter();
     let doubts = cameras.filter_map(|entry| doubt(&entry.id, &entry.camera()?)).collect::<Vec<_>>();
@@ -79,7 +79,7 @@ fn doubt(id: &str, camera: &Camera) -> Option<String> {
     if camera.roll.cos() < 0.0 || height < 0.0 {
         return Some(format!(
             "camera {id} is upside down or below the floor: the world of the file may be left-handed, as in \
-             MultiviewX; --left-handed mirrors it"
+             MultiviewX; use --left-handed to mirror it"
         ));
     }
     (height < MIN_HEIGHT_M).then(|| {

@@ -8,7 +8,7 @@ use image::RgbImage;
 
 use crate::edges::pixel_brightness;
 
-/// Widths of the bars of an image, in pixels.
+/// Thickness of the black bars at the four sides of an image, in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Bars {
     /// Width at the left side.

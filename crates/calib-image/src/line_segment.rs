@@ -1,4 +1,4 @@
-//! Straight edge with its standard deviation, and distance of a pixel from a segment.
+//! Straight edge with the standard deviation of its ends across the edge, and the distance of a pixel from a segment.
 
 use calib_core::Pixel;
 

@@ -18,7 +18,7 @@ pub enum PathError {
 impl fmt::Display for PathError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Exists(path) => write!(f, "{} exists", path.display()),
+            Self::Exists(path) => write!(f, "{} already exists", path.display()),
             Self::BrokenLink(path) => {
                 write!(f, "{} is a link to a missing file; delete it, or choose another file", path.display())
             }

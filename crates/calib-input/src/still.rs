@@ -274,7 +274,7 @@ fn unsupported(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
             ImageFormat::Tiff => Some(("a TIFF image", SAVE)),
             ImageFormat::Bmp => Some(("a BMP image", SAVE)),
             ImageFormat::Gif => Some(("a GIF image", SAVE)),
-            _ => Some(("an image of another format", SAVE)),
+            _ => Some(("an image in another format", SAVE)),
         },
     }
 }

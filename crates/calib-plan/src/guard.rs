@@ -29,7 +29,7 @@ pub(crate) fn guarded<T: Send + 'static>(
     receiver.recv_timeout(Duration::from_secs(MAX_SECONDS)).unwrap_or_else(|error| {
         Err(match error {
             RecvTimeoutError::Timeout => {
-                limit(format!("drawing it takes over {MAX_SECONDS} s; export it as PNG"))
+                limit(format!("it takes more than {MAX_SECONDS} s to draw; export it as PNG"))
             }
             RecvTimeoutError::Disconnected => damaged(),
         })

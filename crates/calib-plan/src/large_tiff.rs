@@ -65,15 +65,13 @@ fn reduced(
 ) -> Result<RgbImage, PlanError> {
     let damaged = |error: tiff::TiffError| PlanError::Damaged { kind: "TIFF", reason: error.to_string() };
     let unsupported = |what: &str| {
-        PlanError::Unsupported(format!(
-            "this large TIFF has {what}; save it with 8 bits, RGB or grey, in tiles"
-        ))
+        PlanError::Unsupported(format!("this large TIFF has {what}; save it as 8-bit RGB or grey, in tiles"))
     };
     let samples = match decoder.colortype().map_err(damaged)? {
         ColorType::Gray(8) => 1,
         ColorType::RGB(8) | ColorType::YCbCr(8) => 3,
         ColorType::RGBA(8) => 4,
-        _ => return Err(unsupported("another colour format")),
+        _ => return Err(unsupported("an unsupported colour format")),
     };
     let is_separate = decoder
         .find_tag_unsigned::<u16>(Tag::PlanarConfiguration)
@@ -91,7 +89,7 @@ fn reduced(
     let mut sums = vec![[0_u32; 4]; columns as usize * rows as usize];
     for chunk in 0..across * height.div_ceil(chunk_height) {
         let DecodingResult::U8(pixels) = decoder.read_chunk(chunk).map_err(damaged)? else {
-            return Err(unsupported("another colour format"));
+            return Err(unsupported("an unsupported colour format"));
         };
         let (data_width, _) = decoder.chunk_data_dimensions(chunk);
         let (left, top) = (chunk % across * chunk_width, chunk / across * chunk_height);

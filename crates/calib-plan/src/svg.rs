@@ -80,7 +80,7 @@ fn parse(bytes: &[u8]) -> Result<Tree, PlanError> {
 
 /// Loads an embedded image if the size in its header is within the memory limits of all images.
 fn load_embedded(mime: &str, data: Arc<Vec<u8>>, options: &Options<'_>) -> Result<ImageKind, PlanError> {
-    let refused = |why: String| too_large(format!("an image in it: {why}"));
+    let refused = |why: String| too_large(format!("an image in the SVG: {why}"));
     let is_png = data.starts_with(b"\x89PNG");
     if is_png || data.starts_with(&[0xff, 0xd8]) {
         calib_input::check_decode_memory(&data, DECODE_BYTES_PER_PIXEL)

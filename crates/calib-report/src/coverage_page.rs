@@ -72,7 +72,7 @@ impl CoveragePage<'_> {
             }
         });
         self.write_areas(html);
-        html.push_str("<h3>Visible floor of each level</h3><table><thead><tr><th>Level<th class=n>Area</tr></thead><tbody>\n");
+        html.push_str("<h3>Visible floor area at each level</h3><table><thead><tr><th>Level<th class=n>Area</tr></thead><tbody>\n");
         for (level, area) in self.levels() {
             let (level, area) = (escape(&level_text(level, &self.coverage.limits)), self.area(area));
             let _ = writeln!(html, "<tr><td>{level}<td class=n>{area}</tr>");
@@ -80,7 +80,7 @@ impl CoveragePage<'_> {
         let symbol = self.site.units.symbol();
         let _ = write!(
             html,
-            "</tbody></table>\n<h3>Farthest distance of each level, {symbol}</h3><table><thead><tr><th>Camera"
+            "</tbody></table>\n<h3>Farthest distance at each level, {symbol}</h3><table><thead><tr><th>Camera"
         );
         for level in DensityLevel::ALL {
             let _ = write!(html, "<th class=n>{}", level.name());
@@ -110,10 +110,10 @@ impl CoveragePage<'_> {
             return;
         }
         html.push_str(
-            "<h3>Hand-over zones</h3><p class=dim>Floor that two cameras see. Both compute the position of the same \
-             target. The expected disagreement is the RMS distance of the two positions. It contains the errors of the \
-             calibration, for targets exactly at the stated height. The errors of a detector, and of the height, come in \
-             addition.</p>\n<table><thead><tr><th>Cameras<th class=n>Area<th>Expected disagreement</tr></thead><tbody>\n",
+            "<h3>Hand-over zones</h3><p class=dim>Floor area that two cameras see. Both compute the position \
+             of the same target. The expected disagreement is the RMS distance between the two positions. It \
+             includes the errors of the calibration, for targets exactly at the stated height. It does not \
+             include the errors of a detector or of the height.</p>\n<table><thead><tr><th>Cameras<th class=n>Area<th>Expected disagreement</tr></thead><tbody>\n",
         );
         for zone in zones.iter().take(MAX_ZONES) {
             let [a, b] = self.coverage.ids_of(zone).map(escape);
@@ -124,7 +124,7 @@ impl CoveragePage<'_> {
         html.push_str("</tbody></table>\n");
         if zones.len() > MAX_ZONES {
             let _ =
-                writeln!(html, "<p class=dim>{} smaller zones are not listed.</p>", zones.len() - MAX_ZONES);
+                writeln!(html, "<p class=dim>Smaller zones, not listed: {}.</p>", zones.len() - MAX_ZONES);
         }
     }
 
@@ -162,8 +162,8 @@ impl CoveragePage<'_> {
         let mut notes = Vec::new();
         if !self.coverage.left_out.is_empty() {
             notes.push(format!(
-                "Left out, because they have no position relative to the other cameras: {}. Place them on the plan, or \
-                 link them.",
+                "Left out because they have no position relative to the other cameras: {}. Place them on \
+                 the plan, or link them.",
                 names(&self.coverage.left_out)
             ));
         }

@@ -34,8 +34,8 @@ pub(crate) fn measurement_section(html: &mut String, site: &Site) {
         );
     }
     html.push_str(
-        "</tbody></table>\n<p class=\"dim foot\">The \u{b1} is one standard deviation. It contains the errors of the \
-         clicks and of the calibration. Measurements do not change the calibration.</p>\n",
+        "</tbody></table>\n<p class=\"dim foot\">The \u{b1} is one standard deviation. It includes the errors of \
+         the clicks and of the calibration. Measurements do not change the calibration.</p>\n",
     );
 }
 
@@ -73,10 +73,11 @@ pub fn speed_remark(measurement: &Measurement, found: Measured, units: Units) ->
     Some(match high {
         Some(high) => {
             let limits = format!("{low} to {} {unit}", text(high));
-            format!("The times are whole seconds. They alone allow {limits}; the \u{b1} comes in addition.")
+            format!("The times are whole seconds. This alone allows {limits}; the \u{b1} is additional.")
         }
         None => format!(
-            "The times are whole seconds. They alone allow any speed above {low} {unit}; the \u{b1} comes in addition."
+            "The times are whole seconds. This alone allows any speed above {low} {unit}; the \u{b1} is \
+             additional."
         ),
     })
 }

@@ -254,7 +254,7 @@ fn write_details(html: &mut String, site: &Site, camera: &SiteCamera, solution: 
         let _ = writeln!(
             html,
             "<p class=dim>Principal point ({u:.0} \u{b1} {cx:.0}, {v:.0} \u{b1} {cy:.0}) px, estimated. \
-             The \u{b1} of focal length, pitch and heights include it.</p>"
+             The \u{b1} of focal length, pitch and heights includes its uncertainty.</p>"
         );
     }
     if !camera.annotations.is_empty() {

@@ -93,7 +93,7 @@ impl PlanQuality {
             };
             rows.push((
                 Sample::Ellipse,
-                format!("position of a camera, {ELLIPSE_SIGMAS} standard deviations{times}"),
+                format!("uncertainty of a camera position, {ELLIPSE_SIGMAS} standard deviations{times}"),
             ));
         }
         let is_shown = |is_aside: bool| {

@@ -137,9 +137,9 @@ pub(crate) fn write_summary(html: &mut String, site: &Site) {
     rows.iter().for_each(|row| row.write(html));
     let _ = writeln!(
         html,
-        "</tbody></table>\n<p class=\"dim foot\">Two of three lengths are within \u{b1} (one standard deviation). \
-         Good: lengths on the floor are accurate to \u{b1} {:.0} %, and no check failed. Check: resolve the reason \
-         before use. Bad: do not use this camera.</p>",
+        "</tbody></table>\n<p class=\"dim foot\">About two in three lengths are within the \u{b1} (one standard \
+         deviation). Good: lengths on the floor are accurate to \u{b1} {:.0} %, and no check failed. \
+         Check: resolve the reason before use. Bad: do not use this camera.</p>",
         100.0 * MAX_FLOOR_ERROR_REL
     );
 }

@@ -181,7 +181,7 @@ fn check_plan(at: &At, plan: &Plan) -> Checked {
         );
     }
     if plan.page == Some(0) {
-        return at.key("page").expected(0, "a page from 1");
+        return at.key("page").expected(0, "a page number of 1 or more");
     }
     count(&at.key("layers"), plan.layers.iter().flatten().count(), MAX_LAYERS)?;
     Bounds::POSITIVE.check(&at.key("metres_per_px"), plan.metres_per_px)?;
@@ -261,12 +261,14 @@ fn check_data_sheet(at: &At, lens: &LensEntry) -> Checked {
         (_, _, Some(format)) if sensor_diagonal_mm(format).is_none() => {
             at.key("sensor").expected(quoted(format), "an optical format in inches, such as \"1/2.8\"")
         }
-        (Some(_), None, None) => at
-            .key("focal_mm")
-            .expected("no size of the sensor", "\"sensor_mm\" or \"sensor\", such as \"1/2.8\""),
-        (_, Some(_), Some(_)) => at.key("sensor").expected("a second size of the sensor", "only one of them"),
+        (Some(_), None, None) => {
+            at.key("focal_mm").expected("no sensor size", "\"sensor_mm\" or \"sensor\", such as \"1/2.8\"")
+        }
+        (_, Some(_), Some(_)) => {
+            at.key("sensor").expected("both \"sensor_mm\" and \"sensor\"", "only one of them")
+        }
         (None, Some(_), _) | (None, _, Some(_)) => {
-            at.expected("the size of the sensor without \"focal_mm\"", "\"focal_mm\"")
+            at.expected("a sensor size without \"focal_mm\"", "\"focal_mm\"")
         }
         _ => Ok(()),
     }
@@ -379,7 +381,8 @@ fn check_annotation(at: &At, annotation: &Annotation) -> Checked {
     known(&at.key("height_m"), annotation.height_m.as_ref(), Bounds::POSITIVE)
 }
 
-/// Checks that the object named by `like` has a usual size of the kind that this annotation measures.
+/// Checks that `like` names an entry of the table of usual sizes, and that the entry fits the constraint of this
+/// annotation, for example a length.
 fn check_like(at: &At, annotation: &Annotation) -> Checked {
     let Some(like) = &annotation.like else { return Ok(()) };
     let constraint = annotation.kind.row().constraint;
@@ -453,7 +456,7 @@ fn check_control_point(at: &At, point: &ControlPointEntry, site: &Site) -> Check
     if let Some(world) = point.world_m {
         Bounds::COORDINATE.check_all(&at.key("world_m"), &<[f64; 3]>::from(world))?;
         if point.height_m.is_some() {
-            let expected = "no \"height_m\" together with \"world_m\", which has the height";
+            let expected = "no \"height_m\" together with \"world_m\", which includes the height";
             return at.key("height_m").expected("\"height_m\"", expected);
         }
     }

@@ -72,9 +72,10 @@ pub(crate) fn check_plane_id(at: &At, plane: Option<&String>, site: &Site) -> Ch
     let Some(plane) = plane else { return Ok(()) };
     match site.plane(plane) {
         Some(_) => Ok(()),
-        None => {
-            at.expected(quoted(plane), "the id of one of this site's \"planes\", or no plane for the floor")
-        }
+        None => at.expected(
+            quoted(plane),
+            "the id of one of this site's \"planes\", or no \"plane\" for the floor",
+        ),
     }
 }
 
@@ -112,7 +113,7 @@ pub(crate) fn check_elements(root: &At, site: &Site) -> Checked {
             }
         }
         if distance.between[0] == distance.between[1] {
-            return at.key("between").expected("one id twice", "two different links or marks");
+            return at.key("between").expected("the same id twice", "two different links or marks");
         }
         known(&at.key("length_m"), Some(&distance.length_m), Bounds::POSITIVE)?;
     }
@@ -196,7 +197,9 @@ fn check_measurement(at: &At, measurement: &Measurement, cameras: &HashSet<&str>
     }
     optional(&at.key("duration_s"), measurement.duration_s, Bounds::POSITIVE)?;
     if measurement.duration_s.is_some() && measurement.kind != MeasurementKind::Speed {
-        return at.key("duration_s").expected("a duration", "none, except for kind \"speed\"");
+        return at
+            .key("duration_s")
+            .expected("a duration", "no duration, except in a measurement of kind \"speed\"");
     }
     count(&list, found, 1000)?;
     for (i, point) in measurement.points.iter().enumerate() {
@@ -386,7 +389,7 @@ fn check_covariance(at: &At, covariance: &CovarianceEntry) -> Checked {
         let found = format!("{} numbers", covariance.upper.len());
         return at
             .key("upper")
-            .expected(found, format!("{expected} numbers: the upper triangle of {n} by {n}"));
+            .expected(found, format!("{expected} numbers: the upper triangle of a {n} by {n} matrix"));
     }
     let broken = covariance.upper.iter().position(|value| !value.is_finite());
     if let Some(i) = broken {
@@ -396,7 +399,7 @@ fn check_covariance(at: &At, covariance: &CovarianceEntry) -> Checked {
     let mut first = 0;
     for row in 0..n {
         if covariance.upper[first] < 0.0 {
-            return at.key("upper").index(first).expected(covariance.upper[first], "a variance, not below 0");
+            return at.key("upper").index(first).expected(covariance.upper[first], "a variance of 0 or more");
         }
         first += n - row;
     }
@@ -436,7 +439,7 @@ pub(crate) fn check_distortion(at: &At, entry: &DistortionEntry, focal: Option<f
     }
     if !given && !entry.model.row().is_fitted {
         let found = format!("{} without coefficients", entry.model.row().name);
-        return at.expected(found, "coefficients: this model is not fitted");
+        return at.expected(found, "coefficients, because this model is not fitted");
     }
     if given && entry.focal_px.is_none() && focal.is_none() {
         return at.expected(

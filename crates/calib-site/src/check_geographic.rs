@@ -30,7 +30,8 @@ pub(crate) fn check_coordinate_system(root: &At, site: &Site) -> Checked {
     Ok(())
 }
 
-/// Checks the ground points. Their ids are unique, and their coordinates are given in one way.
+/// Checks that ground points have unique ids, and coordinates of one kind: `world_m`, latitude and longitude, or
+/// `crs_m`.
 pub(crate) fn check_ground_points(root: &At, site: &Site) -> Checked {
     let list = root.key("ground_points");
     count(&list, site.ground_points.len(), MAX_ITEMS)?;
@@ -55,7 +56,7 @@ pub(crate) fn check_ground_points(root: &At, site: &Site) -> Checked {
             }
         }
         if point.world_m.is_some() && point.height_m.is_some() {
-            let expected = "no \"height_m\" together with \"world_m\", which has the height";
+            let expected = "no \"height_m\" together with \"world_m\", which includes the height";
             return at.key("height_m").expected("\"height_m\"", expected);
         }
         check_geographic(&at, &position, point.world_m.is_some(), site)?;
@@ -115,7 +116,8 @@ fn check_position(at: &At, position: &SurveyedPosition, site: &Site) -> Checked 
             return at.expected("\"crs_m\" in a site without \"crs\"", expected);
         }
         if position.geographic(system.as_ref()).is_none() {
-            let expected = "east and north of a point within the grid; check whether they are exchanged";
+            let expected = "easting and northing of a point within the grid; check whether they are \
+                            exchanged";
             return at.expected(format!("{}, {}", grid[0], grid[1]), expected);
         }
         return Ok(());

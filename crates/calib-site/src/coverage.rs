@@ -203,15 +203,13 @@ pub enum CoverageError {
 impl std::fmt::Display for CoverageError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::NoCamera => {
-                f.write_str("no camera is calibrated and shows the floor: solve the site first")
-            }
+            Self::NoCamera => f.write_str("no calibrated camera shows the floor: solve the site first"),
             Self::SeveralPeriods { camera } => {
                 write!(f, "camera \"{camera}\" has several periods: choose a time")
             }
             Self::Step => f.write_str("the step must be a number of metres above 0"),
             Self::TooManyPoints { points, most } => {
-                write!(f, "the grid has {points:.0} points, at most {most} are possible: use a larger step")
+                write!(f, "the grid has {points:.0} points, more than the limit of {most}: use a larger step")
             }
         }
     }

@@ -63,7 +63,7 @@ impl fmt::Display for MapPlanError {
                  grid, or save a smaller part"
             ),
             Self::NoGeoreference => f.write_str(
-                "the cameras or points of the site have positions, and their place on the map is unknown; enter the \
+                "the site has cameras or points with positions, but their location on the map is unknown; enter the \
                  georeference of the site, or click two points of known latitude and longitude",
             ),
             Self::FarFromSite { distance_m } => write!(

@@ -17,7 +17,8 @@ pub(crate) fn check_periods(at: &At, cameras: &[SiteCamera]) -> Checked {
         let from = instant(&at.key("valid_from"), camera.valid_from.as_ref(), Timestamp::MIN)?;
         let to = instant(&at.key("valid_to"), camera.valid_to.as_ref(), Timestamp::MAX)?;
         if from >= to {
-            return at.key("valid_to").expected("a period that ends before it begins", "a later time");
+            let expected = "a time after \"valid_from\"";
+            return at.key("valid_to").expected("a period that ends before it begins", expected);
         }
         let others = periods.entry(&camera.id).or_default();
         if others.iter().any(|&(start, end)| from < end && start < to) {
@@ -54,7 +55,7 @@ pub enum CameraLookupError {
 impl fmt::Display for CameraLookupError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Unknown => "the site has no camera of this id",
+            Self::Unknown => "the site has no camera with this id",
             Self::SeveralPeriods => "several periods have this id: specify a time",
             Self::NotValidThen => "no calibration of this camera is valid at this time",
             Self::NotATime => "not a time such as 2026-05-01T08:00:00Z",

@@ -66,7 +66,7 @@ impl<'de> Deserialize<'de> for SceneEntry {
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 f.write_str(
-                    "\"exact\", or an object of floor_tilt_sigma_deg, crossfall_sigma_deg, angle_sigma_deg and \
+                    "\"exact\", or an object with floor_tilt_sigma_deg, crossfall_sigma_deg, angle_sigma_deg and \
                      length_sigma_rel",
                 )
             }

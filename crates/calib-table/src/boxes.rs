@@ -247,7 +247,7 @@ fn check_corners(
     let names = columns.names.join(",");
     Err(TableError::Invalid(format!(
         "{outside} of {} boxes end outside the image if {names} are corner, width and height, and all fit if they are \
-         two corners: add {}, or {} if they are right",
+         two corners: add {}, or {} if the boxes are correct",
         rows.len(),
         wording.with("box-form", "xyxy"),
         wording.with("box-form", "xywh"),

@@ -397,7 +397,8 @@ fn stream_map(wanted: &CalibrationRequest, entry: &SiteCamera) -> Result<StreamM
 fn ids(batch: &RecordBatch, name: &str, wording: Wording) -> Result<StringArray, TableError> {
     let option = wording.with("camera-column", name);
     let found = column(batch, name).ok_or_else(|| {
-        TableError::Invalid(format!("{option}: the table has the columns \"{}\"", names(batch)))
+        let columns = names(batch);
+        TableError::Invalid(format!("{option}: no such column; the table has the columns \"{columns}\""))
     })?;
     texts(&found)
         .map_err(|error| TableError::Invalid(format!("{option}: expected ids as text or numbers: {error}")))

@@ -266,7 +266,7 @@ impl AtColumn {
         let name = &self.name;
         let column = column(batch, name).ok_or_else(|| {
             TableError::Invalid(format!(
-                "{}: the table has the columns \"{}\"",
+                "{}: no such column; the table has the columns \"{}\"",
                 self.option_text(),
                 names(batch)
             ))

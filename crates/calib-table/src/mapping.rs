@@ -286,7 +286,7 @@ impl Mapping {
 
     fn existing_column_error(&self, batch: &RecordBatch, name: &str) -> TableError {
         TableError::Invalid(format!(
-            "the table already has a column {name}, among \"{}\"; use {} to replace it, or rename it",
+            "the table already has a column {name} (columns: \"{}\"); use {} to replace it, or rename it",
             names(batch),
             self.bad.wording().name("replace")
         ))

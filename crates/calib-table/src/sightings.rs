@@ -133,7 +133,9 @@ impl SightingColumns {
     fn people(&self, batch: &RecordBatch) -> Result<Vec<Option<u64>>, TableError> {
         let Some(name) = &self.person else { return Ok(vec![None; batch.num_rows()]) };
         let found = column(batch, name).ok_or_else(|| {
-            let what = format!("--person-column {name}: the table has the columns \"{}\"", names(batch));
+            let columns = names(batch);
+            let what =
+                format!("--person-column {name}: no such column; the table has the columns \"{columns}\"");
             TableError::Invalid(what)
         })?;
         let texts = texts(&found)?;

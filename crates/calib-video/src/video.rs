@@ -39,8 +39,8 @@ pub struct Median {
     pub times_s: Vec<f64>,
     /// Share of the pixels that something covered in some of the frames, 0 to 1.
     pub moved_share: f64,
-    /// Share of the pixels that something covered in a third of the frames or more, 0 to 1. The median may show
-    /// parts of it.
+    /// Fraction of the pixels, 0 to 1, that moving objects covered in at least a third of the frames. The median image
+    /// may show parts of the objects there.
     pub busy_share: f64,
 }
 

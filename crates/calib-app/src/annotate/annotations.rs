@@ -44,7 +44,7 @@ pub(crate) fn usual_size_menu(ui: &mut Ui, units: Units, annotation: &Annotation
         }
     })
     .response
-    .on_hover_text("An object of a usual size");
+    .on_hover_text("Use the usual size of an object");
     chosen
 }
 
@@ -75,7 +75,8 @@ pub(crate) fn annotations_ui(app: &mut App, ui: &mut Ui) {
         let palette = theme::palette(ui.ctx());
         ui.label(
             RichText::new(
-                "No lines yet. Shift+P detects lines; V draws verticals, P parallels, R right angles.",
+                "No lines yet. Press Shift+P to detect lines, or V, P or R to draw verticals, parallels or \
+                 right angles.",
             )
             .color(palette.text2),
         );
@@ -139,7 +140,7 @@ fn group(
         ui.label(RichText::new(count.to_string()).color(palette.text3));
         if annotation.at_right_angles_to.is_some() {
             ui.label(RichText::new("square").color(palette.text2))
-                .on_hover_text("perpendicular to another direction");
+                .on_hover_text("Perpendicular to another direction");
         }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if row.has_length || row.constraint == ConstraintKind::Upright {
@@ -284,7 +285,7 @@ fn point_rows(app: &App, ui: &mut Ui, line: &Line<'_>) {
             let text =
                 RichText::new(number(px, 1)).small().color(theme::residual(palette, px.abs() / line.sigma));
             let label = ui.label(text);
-            let words = format!("Point {} is {} px off", index + 1, number(px, 1));
+            let words = format!("Point {} is {} px off the straight line", index + 1, number(px, 1));
             label.widget_info(|| WidgetInfo::labeled(Role::Label, true, &words));
             label.on_hover_text(words);
         }
@@ -346,7 +347,9 @@ fn apply_request(app: &mut App, request: RowRequest) {
         }),
         RowRequest::Usual(index, chosen) => drawn(index)
             .map(|annotation| annotate(index, with_size(annotation, &chosen), "choose a usual size")),
-        RowRequest::Sigmas(index, annotation) => Some(annotate(index, *annotation, "change \u{b1}")),
+        RowRequest::Sigmas(index, annotation) => {
+            Some(annotate(index, *annotation, "change a standard deviation"))
+        }
         RowRequest::Height(index, value) => drawn(index).map(|annotation| {
             let known = annotation.height_m.filter(|_| !waits_for_height(&annotation));
             let height =

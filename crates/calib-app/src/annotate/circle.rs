@@ -21,8 +21,8 @@ pub(crate) fn circle_ui(app: &mut App, ui: &mut Ui) {
     let mut chosen = circle;
     ui.horizontal(|ui| {
         ui.label(RichText::new("Image circle").color(palette.text2))
-            .on_hover_text("The round area of a fisheye image; black around it");
-        if ui.button("Find").on_hover_text("Detect it in the image").clicked() {
+            .on_hover_text("The round area of a fisheye image, surrounded by black");
+        if ui.button("Find").on_hover_text("Detect the circle in the image").clicked() {
             match found(app) {
                 Some(circle) => chosen = Some(circle),
                 None => app.send(Action::AddError(NOT_FOUND.into())),
@@ -30,7 +30,8 @@ pub(crate) fn circle_ui(app: &mut App, ui: &mut Ui) {
         }
         let inscribed = ImageCircle { u: 0.5 * width, v: 0.5 * height, radius: 0.5 * width.min(height) };
         if circle.is_none() {
-            if ui.button("Enter").on_hover_text("Start with the largest complete circle").clicked() {
+            let tip = "Start with the largest circle that fits in the image";
+            if ui.button("Enter").on_hover_text(tip).clicked() {
                 chosen = Some(inscribed);
             }
         } else if ui.button("Remove").clicked() {

@@ -140,7 +140,7 @@ fn names(app: &mut App, ui: &mut Ui) {
     };
     let (mut renamed, mut titled) = (false, false);
     ui.horizontal(|ui| {
-        renamed = field(ui, "Id", &mut id);
+        renamed = field(ui, "ID", &mut id);
         titled = field(ui, "Name", &mut name);
     });
     if titled {
@@ -208,7 +208,7 @@ fn coefficients(app: &mut App, ui: &mut Ui) {
             changed |= ui.add(field).labelled_by(label.id).changed();
         }
         if let Some(focal) = &mut entry.focal_px {
-            let label = ui.label(RichText::new("for focal").color(palette.text2));
+            let label = ui.label(RichText::new("at focal length").color(palette.text2));
             let field = DragValue::new(focal).speed(1.0).range(1.0..=1e6).max_decimals(2);
             changed |= ui.add(field.update_while_editing(false)).labelled_by(label.id).changed();
         }

@@ -129,7 +129,7 @@ fn mark_fields(app: &mut App, ui: &mut Ui, index: usize, mut mark: Mark) {
             .range(-360.0..=360.0)
             .suffix("\u{b0}")
             .max_decimals(3);
-        field(ui, "turn", turn.update_while_editing(false));
+        field(ui, "rotation", turn.update_while_editing(false));
         field(ui, "above the floor", length_field(units, &mut mark.at_m.z, -1e5));
     });
     if mark.kind == MarkKind::Rectangle {
@@ -156,7 +156,7 @@ pub(crate) fn links_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     heading(ui, "Links", "error in px per camera; gap on the floor");
     if app.editor.session().site.links.is_empty() {
-        ui.label(RichText::new("K links a point that two views show.").color(palette.text2));
+        ui.label(RichText::new("Press K to link a point that two views show.").color(palette.text2));
         return;
     }
     let cameras = linked_cameras(app);
@@ -274,8 +274,8 @@ fn joint_residual(app: &App, ui: &mut Ui, link: usize, camera: &str) {
         site.links.get(link).and_then(|link| link.seen.iter().find(|seen| seen.camera == camera)?.sigma_px);
     let of_camera = site.camera(camera).and_then(|camera| camera.sigma_px).unwrap_or(1.0);
     let drawn = own.map_or(String::new(), |sigma| {
-        let advice = if sigma > of_camera { ": zoom in and drag it for more accuracy" } else { "" };
-        format!("Clicked to \u{b1} {} px{advice}", (100.0 * sigma).round() / 100.0)
+        let advice = if sigma > of_camera { ". Zoom in and drag the point to improve it" } else { "" };
+        format!("Click accuracy \u{b1} {} px{advice}", (100.0 * sigma).round() / 100.0)
     });
     let found = app.editor.session().solved.joint_link(site, link);
     let Some(residual) = found.and_then(|found| found.residuals.iter().find(|r| r.camera == camera)) else {
@@ -287,10 +287,12 @@ fn joint_residual(app: &App, ui: &mut Ui, link: usize, camera: &str) {
     };
     let sigma = own.unwrap_or(of_camera);
     let colour = if residual.outlier { palette.bad } else { theme::residual(palette, residual.px / sigma) };
-    let mut said = if drawn.is_empty() { "px".to_owned() } else { format!("px off. {drawn}") };
+    let residual_text = "Residual, in pixels";
+    let mut said =
+        if drawn.is_empty() { residual_text.to_owned() } else { format!("{residual_text}. {drawn}") };
     let view = site.cameras.iter().position(|entry| entry.id == camera);
     if view.is_some_and(|view| app.editor.session().solved.is_link_unchecked(site, link, view)) {
-        said += ". A wrong click here cannot be detected. Link one more point with the same camera.";
+        said += ". A wrong click here cannot be detected. Link one more point that this camera shows.";
     }
     ui.label(RichText::new(format!("{:.1}", residual.px)).small().color(colour)).on_hover_text(said);
 }
@@ -311,7 +313,12 @@ fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
                 new.height_m = Some(height).filter(|height| *height != 0.0);
             }
         }
-        LinkKind::Line if ui.button("Make it a post").on_hover_text("Foot first, then head").clicked() => {
+        LinkKind::Line
+            if ui
+                .button("Change to a post")
+                .on_hover_text("The first end becomes the foot, the other end the head")
+                .clicked() =>
+        {
             new.kind = LinkKind::Post;
             for seen in &mut new.seen {
                 let ends = seen.segment.take().unwrap_or_default();
@@ -320,7 +327,7 @@ fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
         }
         LinkKind::Post => {
             post_fields(app, ui, link, &mut new);
-            if ui.button("Make it a floor line").clicked() {
+            if ui.button("Change to a floor line").clicked() {
                 (new.kind, new.length_m) = (LinkKind::Line, None);
                 for seen in &mut new.seen {
                     seen.segment =
@@ -337,7 +344,7 @@ fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
 /// hint.
 fn post_fields(app: &App, ui: &mut Ui, link: &Link, new: &mut Link) {
     let session = app.editor.session();
-    let label = ui.label("long");
+    let label = ui.label("length");
     let Some(known) = &mut new.length_m else {
         let estimate = planes::estimated_post_height(session, link);
         let metres = empty_field(ui, ("post", &link.id), label.id, session.site.units, estimate);

@@ -58,7 +58,7 @@ pub(crate) fn is_measuring(app: &App) -> bool {
 /// Shows the settings of the tool, and the list of measurements.
 pub(crate) fn measurements_ui(app: &mut App, ui: &mut Ui) {
     update_measurements(app);
-    heading(ui, "Measurements", "they do not change the calibration");
+    heading(ui, "Measurements", "no effect on the calibration");
     if is_measuring(app) {
         settings_ui(app, ui);
     }
@@ -75,14 +75,14 @@ fn settings_ui(app: &mut App, ui: &mut Ui) {
     let mut ruler = before;
     ui.horizontal(|ui| {
         for (kind, name, tip) in [
-            (MeasurementKind::Length, "Length", "Distance of two points"),
+            (MeasurementKind::Length, "Length", "Distance between two points"),
             (MeasurementKind::Height, "Height", "From the lower end of an upright object to its upper end"),
-            (MeasurementKind::Area, "Area", "Floor between three or more corners"),
+            (MeasurementKind::Area, "Area", "Floor area enclosed by three or more corners"),
             (
                 MeasurementKind::Speed,
                 "Speed",
-                "Distance of two points divided by the time between them. Open a newer image of the camera for the \
-                 second point",
+                "Distance between two points divided by the time between them. Open a newer image of the \
+                 camera for the second point",
             ),
         ] {
             if ui.selectable_label(ruler.kind == kind, name).on_hover_text(tip).clicked() {
@@ -91,10 +91,9 @@ fn settings_ui(app: &mut App, ui: &mut Ui) {
         }
     });
     ui.horizontal(|ui| {
-        let label = ui.label(RichText::new("Points above the floor by").color(palette.text2));
+        let label = ui.label(RichText::new("Height above the floor").color(palette.text2));
         let field = length_field(app.editor.site().units, &mut ruler.height, -100.0);
-        let tip =
-            "0 for points on the floor, 0.8 m for the top of a table, the height of the hub for a wheel";
+        let tip = "0 for points on the floor, 0.8 m for a table top, the height of the hub for a wheel";
         ui.add(field).labelled_by(label.id).on_hover_text(tip);
     });
     if ruler != before {
@@ -115,7 +114,8 @@ fn duration_ui(app: &mut App, ui: &mut Ui, index: usize, measurement: &Measureme
             Ok(seconds) if seconds.is_finite() && seconds > 0.0 => {
                 let mut site = app.editor.site().clone();
                 site.measurements[index].duration_s = Some(seconds);
-                app.send(Action::Change { site: Box::new(site), name: "enter the time of a speed".into() });
+                let name = "enter the time between two points".into();
+                app.send(Action::Change { site: Box::new(site), name });
             }
             _ => app.send(Action::Note("Enter a number of seconds above 0, such as 0.48.".into())),
         }
@@ -150,11 +150,14 @@ fn row(app: &mut App, ui: &mut Ui, index: usize, measurement: &Measurement) {
     let colour = if is_valid { palette.text } else { palette.warn };
     let value = ui.selectable_label(false, RichText::new(&text).color(colour));
     if value
-        .on_hover_text("Click to copy. The ± is one standard deviation: of the clicks and of the calibration")
+        .on_hover_text(
+            "Click to copy. The ± is one standard deviation. It includes the errors of the clicks and of \
+             the calibration",
+        )
         .clicked()
     {
         ui.ctx().copy_text(text);
-        action = Some(Action::Note(format!("{name} is copied.")));
+        action = Some(Action::Note(format!("Copied {name}.")));
     }
     if let Some(remark) = remark {
         ui.label(RichText::new(remark).small().color(palette.warn));

@@ -84,6 +84,16 @@ impl Number {
         }
     }
 
+    /// Returns the name of the quantity within a sentence.
+    const fn noun(self) -> &'static str {
+        match self {
+            Self::Focal => "focal length",
+            Self::Pitch => "pitch",
+            Self::Roll => "roll",
+            Self::Height => "height",
+        }
+    }
+
     /// Returns the symbol of the display unit, and its size in the unit of the site file.
     const fn unit(self, units: Units) -> (&'static str, f64) {
         match self {
@@ -123,7 +133,7 @@ impl Number {
             Some(_) => "set a prior for",
             None => "unfix",
         };
-        let name = format!("{verb} the {}", self.title().to_lowercase());
+        let name = format!("{verb} the {}", self.noun());
         let change = |lens: &mut LensEntry| match self {
             Self::Focal => lens.focal_px = known,
             Self::Pitch => lens.pitch_deg = known,
@@ -199,7 +209,9 @@ fn centre_row(ui: &mut Ui, solution: &Solution) {
         cells(ui, "Principal point", &at, Some(sigma), "px");
     });
     row.response.on_hover_text(
-        "The \u{b1} of focal length, pitch and heights include the unknown principal point. To reduce them, draw lines in a third direction, or enter the principal point in the site file.",
+        "The \u{b1} values of focal length, pitch and heights include the uncertainty of the principal \
+         point. To reduce them, draw lines in a third direction, or enter the principal point in the site \
+         file.",
     );
 }
 
@@ -283,12 +295,12 @@ fn row(
     let mut change = None;
     ui.horizontal(|ui| {
         cells(ui, title, &number(value, shown), sigma.map(|s| number(s, shown)), unit);
-        let title = which.title().to_lowercase();
+        let title = which.noun();
         let tip = match known {
             None => format!("Fix the {title} at {}", number(value, shown)),
             Some(_) => format!("Estimate the {title} from the lines"),
         };
-        if lock(ui, &title, known.map(|known| known.fixed), &tip) {
+        if lock(ui, title, known.map(|known| known.fixed), &tip) {
             change = Some(known.is_none().then(|| Known::fixed(held_at(value, shown))));
         }
     });
@@ -307,12 +319,12 @@ fn fields(ui: &mut Ui, which: Number, unit: &str, known: Known, change: &mut Opt
         let mut value = known.value;
         let response =
             ui.add(DragValue::new(&mut value).speed(speed).max_decimals(4).update_while_editing(false));
-        let label = format!("{} value", which.title());
+        let label = format!("Value of the {}", which.noun());
         response.widget_info(|| egui::WidgetInfo::drag_value(true, value));
         let response = response.on_hover_text(&label);
         ui.label(RichText::new(unit).color(palette.text3));
         let mut fixed = known.fixed;
-        let held = ui.checkbox(&mut fixed, "held");
+        let held = ui.checkbox(&mut fixed, "fixed");
         let mut sigma = known.sigma.unwrap_or(0.05 * known.value.abs().max(1.0));
         let mut typed = false;
         if !fixed {

@@ -184,7 +184,10 @@ pub(crate) fn steps_ui(app: &mut App, ui: &mut Ui) {
     let waits = app.jobs.proposing.is_none() && app.editor.session().proposed().is_none();
     if is_blank
         && waits
-        && ui.button("Propose lines   Shift+P").on_hover_text("From the edges of the image").clicked()
+        && ui
+            .button("Propose lines   Shift+P")
+            .on_hover_text("Detect lines from the edges in the image")
+            .clicked()
     {
         app.send_command(Command::Propose);
     }

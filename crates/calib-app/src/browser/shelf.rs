@@ -331,10 +331,12 @@ impl Shelf for Database {
 /// Returns the message for a failed write with this exception name.
 fn store_error_text(name: &str) -> String {
     match name {
-        "QuotaExceededError" => "The browser has no room left to keep this site. Save it as a file now; \
-            removing kept sites from the start page makes room."
-            .into(),
-        other => format!("The browser could not store this site ({other}). Save it as a file now."),
+        "QuotaExceededError" => {
+            "The browser has no space left to store this site. Save the site as a file now. \
+            To free space, remove stored sites from the start page."
+                .into()
+        }
+        other => format!("The browser could not store this site ({other}). Save the site as a file now."),
     }
 }
 
@@ -364,7 +366,7 @@ fn list_entry(record: &JsValue) -> Option<Entry> {
 /// Parses a stored site with its images.
 fn site_from_record(kept: &JsValue) -> Result<(Record, Found), String> {
     let kept = Array::from(kept);
-    let text = kept.get(0).as_string().ok_or("it has no record")?;
+    let text = kept.get(0).as_string().ok_or("its record is missing")?;
     let record: Record = serde_json::from_str(&text).map_err(|error| error.to_string())?;
     let site = Site::from_json(&record.site).map_err(|error| error.to_string())?;
     let mut images =

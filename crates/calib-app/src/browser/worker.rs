@@ -59,20 +59,20 @@ fn run_job(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, St
         }
         DRAWING => {
             let view: View = page::read(name.as_bytes())?;
-            let drawing = calib_plan::read(bytes, &view).ok_or("not a drawing")?;
+            let drawing = calib_plan::read(bytes, &view).ok_or("the file is not a drawing")?;
             let Drawing { picture, facts, .. } = drawing.map_err(|error| error.to_string())?;
             let Picture::Svg(svg) = picture else { return Err("the drawing has no lines".into()) };
             let facts = serde_json::to_vec(&facts).map_err(|error| error.to_string())?;
             Ok(Array::of2(&Uint8Array::from(&*facts).into(), &Uint8Array::from(svg.as_bytes()).into()))
         }
-        other => Err(format!("no work of the kind {other}")),
+        other => Err(format!("unknown task {other}")),
     }
 }
 
 /// Creates an image of this width from its RGB bytes.
 fn image_from_bytes(width: u32, bytes: &[u8]) -> Result<RgbImage, String> {
     let height = bytes.len() as u32 / (3 * width.max(1));
-    RgbImage::from_raw(width, height, bytes.to_vec()).ok_or_else(|| "an image of another size".into())
+    RgbImage::from_raw(width, height, bytes.to_vec()).ok_or_else(|| "the image has an unexpected size".into())
 }
 
 /// Splits the bytes into two RGB images of equal size.

@@ -102,14 +102,14 @@ pub(crate) fn compare_ui(app: &mut App, ui: &mut Ui) {
         since(app, ui, &newer);
         ui.horizontal_wrapped(|ui| {
             if newer.has_moved() {
-                let tip = "What is drawn is carried to the newer still, and the camera solved from it; its old \
-                           calibration ends when the new one begins";
+                let tip = "Transfer the annotations to the newer image and calibrate the camera from them. \
+                           The old calibration ends when the new one begins";
                 if ui.button("Recover   Shift+R").on_hover_text(tip).clicked() {
                     app.send_command(Command::Recover);
                 }
             }
             // The newer image must not change during the recovery.
-            let waits = "The recovery uses this image. Cancel it first.";
+            let waits = "The recovery uses this image. Cancel the recovery first.";
             let button = egui::Button::new("Discard");
             if ui.add_enabled(!is_held, button).on_disabled_hover_text(waits).clicked() {
                 app.send_command(Command::DismissNewer);
@@ -224,7 +224,7 @@ fn since(app: &mut App, ui: &mut Ui, newer: &NewerImage) {
         let label = ui.label(RichText::new("Valid from").color(palette.text2));
         let field = TextEdit::singleline(&mut text).hint_text("2026-05-01T08:00:00Z");
         let field = field.desired_width(f32::INFINITY);
-        let waits = "The recovery uses this time. Cancel it first.";
+        let waits = "The recovery uses this time. Cancel the recovery first.";
         let is_free = !app.is_recovering_in_hand();
         ui.add_enabled(is_free, field).on_disabled_hover_text(waits).labelled_by(label.id);
     });

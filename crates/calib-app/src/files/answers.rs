@@ -42,7 +42,8 @@ impl App {
         if let (Some(ending), None) = (purpose.saved_ending(), path.extension()) {
             path.set_extension(ending);
             if path.exists() {
-                self.act(Action::SetError(format!("{} exists. Press Enter to replace it.", path.display())));
+                let error = format!("{} already exists. Press Enter to replace it.", path.display());
+                self.act(Action::SetError(error));
                 self.dialogs.path_field = Some(PathField { purpose, text: path.display().to_string() });
                 return;
             }

@@ -17,8 +17,8 @@ use crate::platform::{Here, Platform as _, Task};
 use crate::state::{App, Comparing, Mode, Planning, Read, ReadPicture};
 
 /// Advice for a file that cannot be opened.
-const KNOWN_FILES: &str = "Use a site (.json), an image (such as .png or .jpg), a plan (PDF, DXF or SVG), a calibration of \
-                           another program, or a table of points (.csv).";
+const KNOWN_FILES: &str = "Use a site (.json), an image (such as .png or .jpg), a plan (PDF, DXF or SVG), \
+                           a calibration from another program, or a table of points (.csv).";
 
 /// Whether a file is a world file, which georeferences a plan image.
 pub(crate) fn is_world_file(file: &Chosen) -> bool {
@@ -123,7 +123,7 @@ impl App {
         let stated = new.drawing.as_ref().and_then(|drawing| drawing.metres_per_px);
         let is_same = stated.is_none_or(|stated| (stated / plan.metres_per_px - 1.0).abs() < 1e-6)
             && old.drawing.as_ref().map(|old| old.origin_px) == new.drawing.as_ref().map(|new| new.origin_px);
-        let note = "The new plan has the same size: its position and its scale were kept.".into();
+        let note = "The new plan has the same size. The position and scale of the old plan were kept.".into();
         is_same.then_some((Plan { page: None, layers: None, ..plan }, note))
     }
 
@@ -220,7 +220,7 @@ impl App {
         // Threads finish in any order; cameras keep the order of their files.
         while let Some(still) = self.jobs.adding.first().and_then(Task::outcome) {
             self.jobs.adding.remove(0);
-            match still.map_err(|_| "An image could not be read.".to_owned()).flatten() {
+            match still.map_err(|_| "An image could not be read. Add it again.".to_owned()).flatten() {
                 // No camera writes an image with a position on the map.
                 Ok(picture) if picture.position.is_some() && self.editor.site().plan.is_none() => {
                     self.show_plan(picture, None);
@@ -297,14 +297,15 @@ impl App {
         }
     }
 
-    /// Reports files that no format accepts. They can be a damaged site.
+    /// Reports files that no importer accepts. For a JSON file, the message contains the error of reading it as a site
+    /// file.
     fn refuse_import(&mut self, files: &[File], error: &str) {
         let names: Vec<&str> = files.iter().map(|file| file.name.as_str()).collect();
         let sites = files.iter().filter(|file| has_ending(Path::new(&file.name), "json"));
         let as_site = sites
             .map(|file| String::from_utf8_lossy(&file.bytes))
             .find_map(|text| parse(&text, None).err())
-            .map_or_else(String::new, |error| format!(" As a site: {error}."));
+            .map_or_else(String::new, |error| format!(" Not a valid site: {error}."));
         let names = names.join(", ");
         self.act(Action::AddError(format!("Can't open {names}.{as_site} {error} {KNOWN_FILES}")));
     }

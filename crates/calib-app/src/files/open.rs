@@ -155,7 +155,7 @@ impl App {
         }
         if !skipped.is_empty() {
             let names = shortened_list(skipped.iter().map(String::as_str));
-            self.act(Action::Note(format!("Skipped, because they are not images: {names}.")));
+            self.act(Action::Note(format!("Skipped files that are not images: {names}.")));
         }
         kept
     }
@@ -183,7 +183,7 @@ impl App {
         });
         if !files.is_empty() {
             let names = shortened_list(files.iter().map(|file| file.name.as_str()));
-            self.act(Action::Note(format!("Not part of this site: {names}.")));
+            self.act(Action::Note(format!("Skipped files that are not part of this site: {names}.")));
         }
     }
 

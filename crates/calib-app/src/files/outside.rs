@@ -34,7 +34,8 @@ impl App {
     pub(crate) fn settle_outside(&mut self, allows: bool) {
         let asked = std::mem::take(&mut self.dialogs.outside.asked);
         if !allows {
-            let note = "Images not read. \u{201c}Read images again\u{201d} asks again.";
+            let note = "The images were not read. Use \u{201c}Reload images and detect edges again\u{201d} \
+                        to be asked again.";
             self.act(Action::Note(note.into()));
             self.dialogs.outside.left.extend(asked);
             return;
@@ -79,7 +80,7 @@ pub(crate) fn asked_ui(app: &mut App, ctx: &Context) {
         sheet("File not saved", ctx, |ui| conflict_ui(app, ui, &conflict));
     }
     if let Some(field) = app.dialogs.path_field.clone() {
-        sheet("A path", ctx, |ui| path_ui(app, ui, field));
+        sheet("Enter a path", ctx, |ui| path_ui(app, ui, field));
     }
     if !app.dialogs.outside.asked.is_empty() {
         sheet("Images outside the site's folder", ctx, |ui| outside_ui(app, ui));
@@ -132,10 +133,12 @@ fn conflict_ui(app: &mut App, ui: &mut Ui, conflict: &Conflict) {
     let (what, way_out) = match &conflict.why {
         Why::Changed(_) => (
             format!("{name} changed since you opened it."),
-            "Reload opens what the file holds; your work stays under \u{201c}Work that was not saved\u{201d}. \
-             Overwrite puts yours in its place.",
+            "Reload opens the version in the file and keeps your unsaved work on the start page. \
+             Overwrite replaces the file with your work.",
         ),
-        Why::ReadOnly => (format!("{name} is read-only."), "Save it under another name, or overwrite it."),
+        Why::ReadOnly => {
+            (format!("{name} is read-only."), "Save the site under another name, or overwrite the file.")
+        }
     };
     ui.label(RichText::new(what).font(theme::medium(13.0)));
     if let Why::Changed(differences) = &conflict.why {
@@ -161,7 +164,7 @@ fn conflict_ui(app: &mut App, ui: &mut Ui, conflict: &Conflict) {
 fn changes(ui: &mut Ui, differences: &[String]) {
     const MAX_LISTED: usize = 8;
     if differences.is_empty() {
-        ui.label("Only results or formatting differ.");
+        ui.label("Only the results or the formatting differ.");
     }
     for difference in differences.iter().take(MAX_LISTED) {
         ui.label(format!("Changed in the file: {difference}"));
@@ -184,7 +187,7 @@ fn path_ui(app: &mut App, ui: &mut Ui, mut field: PathField) {
         Purpose::Compare => "Path of the saved version",
         Purpose::Import => "Path of the file to import",
         Purpose::Export => "Path of the folder to export into",
-        Purpose::SavePicture => "Path of the screenshot",
+        Purpose::SavePicture => "Path to save the screenshot to",
         Purpose::SaveReport => "Path to save the report to",
     };
     let label = ui.label(RichText::new(what).font(theme::medium(13.0)));

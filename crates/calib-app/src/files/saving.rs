@@ -169,7 +169,7 @@ impl App {
         let Some(autosave) = &self.storage.autosave else { return };
         if let Err(error) = autosave.keep(&site, &session.images, session.path.as_deref(), self.storage.held)
         {
-            self.act(Action::SetError(format!("Autosave: {error}")));
+            self.act(Action::SetError(format!("Autosave failed: {error}")));
         }
     }
 

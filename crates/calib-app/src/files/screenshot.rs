@@ -43,7 +43,7 @@ impl App {
         let rgba: Vec<u8> = image.pixels.iter().flat_map(|pixel| pixel.to_array()).collect();
         let mut png = std::io::Cursor::new(Vec::new());
         let written = image::RgbaImage::from_raw(w, h, rgba)
-            .ok_or_else(|| "The view has no size.".to_owned())
+            .ok_or_else(|| "The view is too small. Enlarge the window and try again.".to_owned())
             .and_then(|image| image.write_to(&mut png, ImageFormat::Png).map_err(|error| error.to_string()));
         match written {
             Ok(()) => {
@@ -69,7 +69,7 @@ impl App {
     pub(crate) fn save_report(&mut self, path: &Path) {
         let is_drawing = |plan: &Plan| plan.image.as_ref().is_some_and(|name| is_drawing(Path::new(name)));
         if self.plan_picture().is_none() && self.editor.site().plan.as_ref().is_some_and(is_drawing) {
-            let text = "The plan is not read yet. Show it once (2), then save the report again.";
+            let text = "The plan is not loaded yet. Press 2 to show it, then save the report again.";
             self.act(Action::AddError(text.into()));
             return;
         }

@@ -33,13 +33,14 @@ const COLUMN_HEIGHT: f32 = 304.0;
 const STEP_SIZE: Vec2 = Vec2::new(312.0, 96.0);
 
 const TITLE: &str = "Calibrate cameras from one image each";
-const SUBTITLE: &str = "Draw along visible edges. Every floor pixel gets metric coordinates with \u{b1}.";
+const SUBTITLE: &str =
+    "Draw along visible edges. Every floor pixel gets metric coordinates and their uncertainty.";
 
 /// Steps of a calibration: picture, title and text.
 const STEPS: [(Picture, &str, &str); 3] = [
-    (DRAW, "Draw", "Vertical, parallel and perpendicular lines determine how the camera looks."),
-    (PLACE, "Place", "Move, rotate and scale its field of view on the plan."),
-    (CHECK, "Check", "A mark is on the same spot in every view."),
+    (DRAW, "Draw", "Vertical, parallel and perpendicular lines determine the orientation of the camera."),
+    (PLACE, "Place", "Move, rotate and scale the field of view on the plan."),
+    (CHECK, "Check", "A mark should be on the same spot in every view."),
 ];
 
 /// Commands of the start page: label, command and note.
@@ -52,7 +53,7 @@ const CHOICES: [(&str, Command, &str); 4] = [
 
 const HINT: &str = "Or drop files here.";
 const PRIVACY_NOTES: [&str; 2] =
-    ["Images never leave this machine.", "Nothing is uploaded; it works offline."];
+    ["Images never leave this machine.", "Nothing is uploaded; calib works offline."];
 
 /// Shows the start page; `web/index.html` shows the same picture while the program loads.
 pub(crate) fn start_ui(app: &mut App, ui: &mut Ui) {
@@ -354,7 +355,7 @@ fn row(shelf: &mut dyn Shelf, ui: &mut Ui, entry: &Entry) {
             let title = Button::new(RichText::new(name).font(theme::medium(13.0))).truncate();
             let open = ui.add(title.min_size(Vec2::new(120.0, 26.0)));
             open.widget_info(|| WidgetInfo::labeled(Role::Button, true, format!("Continue {name}")));
-            if open.on_hover_text(format!("Last: {}", entry.last)).clicked() {
+            if open.on_hover_text(format!("Last change: {}", entry.last)).clicked() {
                 shelf.open(&entry.id);
             }
             let words = format!("{}, {}, {}", cameras(entry.cameras), entry.when, size(entry.bytes));

@@ -11,7 +11,7 @@ use crate::state::App;
 use crate::theme;
 use crate::widgets::heading;
 
-/// Distance of the column "apart" from the right border, in points.
+/// Distance of the column "gap" from the right border, in points.
 const APART_FROM_RIGHT: f32 = 0.0;
 /// Distance of the column "overlap" from the right border, in points.
 const OVERLAP_FROM_RIGHT: f32 = 132.0;
@@ -49,7 +49,7 @@ pub fn agreement_ui(app: &mut App, ui: &mut Ui) {
 
 fn titles(ui: &mut Ui) {
     let (rect, _) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 16.0), Sense::hover());
-    for (text, column) in [("overlap", OVERLAP_FROM_RIGHT), ("apart", APART_FROM_RIGHT)] {
+    for (text, column) in [("overlap", OVERLAP_FROM_RIGHT), ("gap", APART_FROM_RIGHT)] {
         let at = rect.right_center() - Vec2::new(column, 0.0);
         let colour = theme::palette(ui.ctx()).text3;
         ui.painter().text(at, Align2::RIGHT_CENTER, text, theme::regular(11.0), colour);
@@ -77,7 +77,10 @@ fn row(app: &App, ui: &mut Ui, found: &Agreement) {
     response.widget_info(|| WidgetInfo::labeled(Role::Label, true, &words));
     let sigma = found.distance.and_then(|apart| apart.sigma);
     if let Some(sigma) = sigma {
-        response.on_hover_text(format!("\u{b1} {} from their uncertainty", units.short_length(sigma)));
+        response.on_hover_text(format!(
+            "\u{b1} {} from the uncertainty of both cameras",
+            units.short_length(sigma)
+        ));
     }
     let name = ui.painter().with_clip_rect(rect.with_max_x(rect.right() - OVERLAP_FROM_RIGHT - 36.0));
     chip(&name, rect.left_center() + Vec2::new(8.0, 0.0), found.other);
@@ -99,7 +102,7 @@ fn lines_row(app: &App, ui: &mut Ui, px: f64, count: usize) {
     let text = format!("{px:.1} px");
     let of = counted(count, "floor line", "floor lines");
     response.widget_info(|| WidgetInfo::labeled(Role::Label, true, format!("{of} {text} off")));
-    response.on_hover_text("RMS distance in this image from their position by the other cameras");
+    response.on_hover_text("RMS distance in this image from the positions that other cameras determine");
     let sigma = app.editor.session().entry().and_then(|entry| entry.sigma_px).unwrap_or(1.0);
     let colour = theme::residual(palette, px / sigma);
     for (at, align, text, colour) in [
@@ -124,8 +127,9 @@ fn disagreement_ui(app: &mut App, ui: &mut Ui, worst: &Agreement) {
         ui.horizontal_top(|ui| {
             icons::inline(ui, Icon::Warn, palette.warn);
             ui.vertical(|ui| {
-                ui.label(RichText::new(format!("{id} is {apart} apart")).font(theme::medium(12.0)));
-                let way = "More than their uncertainty explains. Move one of them, or link one more corner that both see.";
+                ui.label(RichText::new(format!("{id} disagrees by {apart}")).font(theme::medium(12.0)));
+                let way = "This is more than the uncertainty of the cameras explains. Move one of them, \
+                           or link another corner that both see.";
                 ui.label(RichText::new(way).color(palette.text2));
                 ui.horizontal(|ui| {
                     shows = ui.button("Show").clicked();

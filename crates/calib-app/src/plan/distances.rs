@@ -27,7 +27,7 @@ pub(crate) fn compared(app: &mut App, ui: &mut Ui) {
                 let moved = app.editor.session().site.units.short_length(old.position.distance(new.position));
                 format!("{moved}, {turned:.2}\u{b0}")
             }
-            (None, _) => "missing there, or not solved".into(),
+            (None, _) => "missing or not solved there".into(),
             (_, None) => "not solved now".into(),
         };
         ui.horizontal(|ui| {
@@ -102,7 +102,7 @@ pub(crate) fn agreement(app: &mut App, ui: &mut Ui) {
                 ui.label(RichText::new(text).color(palette.text2));
             });
         }
-        ui.label(RichText::new("Undo restores the earlier cameras.").small().color(palette.text3));
+        ui.label(RichText::new("Undo reverts the refinement.").small().color(palette.text3));
     }
     pairs_ui(app, ui);
     if let Some(command) = chosen {
@@ -117,7 +117,7 @@ pub(crate) fn controls(app: &mut App, ui: &mut Ui) {
     let Some(entry) = app.editor.session().entry() else { return };
     let points = entry.control_points.clone();
     if points.is_empty() {
-        ui.label(RichText::new("C adds a point with known coordinates.").color(palette.text2));
+        ui.label(RichText::new("Press C to add a point with known coordinates.").color(palette.text2));
     }
     let mut change = None;
     for (index, point) in points.iter().enumerate() {
@@ -237,7 +237,7 @@ pub(crate) fn out_of_date_ui(app: &mut App, ui: &mut Ui) {
     let mut again = false;
     Frame::NONE.fill(palette.warn_bg).inner_margin(Margin::symmetric(12, 8)).show(ui, |ui| {
         ui.set_width(ui.available_width());
-        let what = "Changed since the last Refine. Refine again.";
+        let what = "The site has changed since the last Refine. Refine again.";
         ui.label(RichText::new(what).color(palette.warn));
         again = ui.button("Refine again").clicked();
     });

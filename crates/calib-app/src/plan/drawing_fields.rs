@@ -27,7 +27,7 @@ pub(super) fn fields(ui: &mut Ui, drawing: &DrawingFacts, plan: &mut Plan) -> Op
         let is_whole_unit =
             UNITS.iter().any(|(_, one)| (plan.metres_per_px / (units_per_px * one) - 1.0).abs() < 1e-6);
         if is_other && !is_whole_unit {
-            let text = "The drawing states another scale. If its file was replaced, load the plan again.";
+            let text = "The drawing states a different scale. If its file was replaced, load the plan again.";
             ui.label(RichText::new(text).color(theme::palette(ui.ctx()).warn));
         }
     }
@@ -135,7 +135,7 @@ pub(crate) fn walls_menu(app: &mut App, ui: &mut Ui) {
         return;
     }
     let mut chosen = None;
-    let menu = ui.menu_button("Walls of a layer", |ui| {
+    let menu = ui.menu_button("Walls from a layer", |ui| {
         for layer in layers {
             let lines = counted(layer.lines_px.len(), "line", "lines");
             if ui.button(format!("{} ({lines})", layer.name)).clicked() {
@@ -158,10 +158,13 @@ fn add_walls(app: &mut App, layer: &Layer, states_unit: bool) {
     let [added, short] =
         site.add_walls(walls.map(|[from_m, to_m]| WallEntry { from_m, to_m, height_m: None }));
     if let Err(error) = site.check() {
-        app.send(Action::AddError(format!("The layer {} was not added: {error}", layer.name)));
+        app.send(Action::AddError(format!("The walls of the layer {} were not added: {error}", layer.name)));
         return;
     }
-    let left_out = [(layer.other_lines, "curve", "curves"), (short, "line below 0.1 m", "lines below 0.1 m")];
+    let left_out = [
+        (layer.other_lines, "curve", "curves"),
+        (short, "line shorter than 0.1 m", "lines shorter than 0.1 m"),
+    ];
     let left_out: Vec<String> = left_out
         .into_iter()
         .filter(|(count, ..)| *count > 0)
@@ -172,7 +175,7 @@ fn add_walls(app: &mut App, layer: &Layer, states_unit: bool) {
         note.push_str(&format!(" Left out: {}.", left_out.join(", ")));
     }
     if !states_unit {
-        note.push_str(" The drawing states no unit: check the scale of the plan first.");
+        note.push_str(" The drawing states no unit: check the scale of the plan.");
     }
     if added > 0 {
         let name = format!("add the walls of {}", layer.name);

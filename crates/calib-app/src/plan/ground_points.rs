@@ -19,12 +19,12 @@ const MAX_ROWS: usize = 200;
 pub(crate) fn ground_points_ui(app: &mut App, ui: &mut Ui) {
     let points = app.editor.session().site.ground_points.clone();
     let georeference = app.editor.session().georeference();
-    heading(ui, "Points to click", if points.is_empty() { "" } else { "clicked in" });
+    heading(ui, "Points to click", if points.is_empty() { "" } else { "cameras" });
     for point in points.iter().take(MAX_ROWS) {
         point_row(app, ui, point, georeference.as_ref());
     }
     if points.len() > MAX_ROWS {
-        let text = format!("{} more points are not listed.", points.len() - MAX_ROWS);
+        let text = format!("Further points, not listed: {}.", points.len() - MAX_ROWS);
         ui.label(RichText::new(text).small().color(theme::palette(ui.ctx()).text3));
     }
     new_point(app, ui);
@@ -39,7 +39,7 @@ fn grid_field(app: &mut App, ui: &mut Ui) {
     let id = ui.scope_id().with("grid");
     let mut text = ui.data(|data| data.get_temp::<String>(id)).unwrap_or_else(|| known.clone());
     let field = ui.horizontal(|ui| {
-        let label = ui.label(RichText::new("Grid of east and north").color(palette.text2));
+        let label = ui.label(RichText::new("Coordinate grid").color(palette.text2));
         ui.add(TextEdit::singleline(&mut text).hint_text("EPSG:25832").desired_width(96.0))
             .labelled_by(label.id)
     });
@@ -80,7 +80,8 @@ fn point_row(app: &mut App, ui: &mut Ui, point: &GroundPoint, georeference: Opti
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             let text = if cameras.is_empty() { "\u{2014}".into() } else { cameras.join(", ") };
             ui.add(egui::Label::new(text).truncate()).on_hover_text(
-                "Cameras with this point, and the distance of the click from its coordinates, on the floor",
+                "Cameras in which this point was clicked, and the distance on the floor between the click and \
+                 its coordinates",
             );
         });
     });
@@ -91,7 +92,9 @@ fn point_row(app: &mut App, ui: &mut Ui, point: &GroundPoint, georeference: Opti
             let field =
                 DragValue::new(&mut sigma).prefix("\u{b1} ").suffix(" m").range(0.001..=1000.0).speed(0.01);
             let field = ui.add(field.max_decimals(3).update_while_editing(false)).labelled_by(label.id);
-            if field.on_hover_text("Accuracy: 4 for a phone, 0.5 for an aerial image, 0.02 for RTK").changed()
+            if field
+                .on_hover_text("Accuracy in metres: 4 for a phone, 0.5 for an aerial image, 0.02 for RTK")
+                .changed()
             {
                 sent = Some(PointAction::SetGroundPoint(Box::new(GroundPoint {
                     sigma_m: Some(sigma),

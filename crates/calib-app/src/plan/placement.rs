@@ -23,9 +23,9 @@ pub fn placement_ui(app: &mut App, ui: &mut Ui) {
     let camera = app.editor.session().camera;
     let Some(entry) = app.editor.session().entry() else { return };
     let (id, fixed) = (entry.id.clone(), entry.placement.as_ref().is_some_and(|p| p.fixed));
-    heading(ui, &format!("{id} on the plan"), if fixed { "held" } else { "" });
+    heading(ui, &format!("{id} on the plan"), if fixed { "fixed" } else { "" });
     if app.editor.session().is_fixed_by_control_points(camera) {
-        let text = "Placed by control points. Switch them off to move it by hand.";
+        let text = "Placed by control points. Switch them off to move the camera by hand.";
         ui.label(RichText::new(text).color(palette.text2));
         pose_rows(app, ui);
         from_stage_1(app, ui);
@@ -54,7 +54,7 @@ impl ShownYaw {
         let camera = solution.and_then(Solution::camera);
         let Some((yaw, down)) = camera.and_then(|camera| Some((camera.yaw, camera.straight_down()?))) else {
             let sigma = solution.and_then(|solution| solution.sigma.as_ref()?.yaw_deg);
-            return Self { title: "Turn", degrees, sigma };
+            return Self { title: "Rotation", degrees, sigma };
         };
         let heading = degrees + (down.heading - yaw).to_degrees();
         let degrees = 180.0 - (180.0 - heading).rem_euclid(360.0);
@@ -132,9 +132,9 @@ fn field(
         let changed = ui.add_sized([84.0, 20.0], edit).labelled_by(label.id).changed();
         let clicked = ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
             let tip = match (is_held, title) {
-                (Some(_), _) => "Estimate it in the joint solve",
+                (Some(_), _) => "Let the joint solve estimate this value",
                 (None, "Height") => "Fix the height",
-                (None, _) => "Fix it in the joint solve; the other values stay free",
+                (None, _) => "Fix this value in the joint solve; the other values stay free",
             };
             // Fixing the yaw of a camera that looks straight down has no effect: its roll can compensate.
             let clicked =
@@ -191,9 +191,9 @@ pub fn handles(app: &App, ui: &mut Ui) {
     for (title, what) in [
         ("Foot, polygon", "move"),
         ("Ring", "rotate about the camera"),
-        ("Square", "scale, sets the height"),
+        ("Square", "scale and set the height"),
         ("Corners", "rotate and scale about the centre"),
-        ("Double click", "pin a pivot for the corners"),
+        ("Double-click", "pin a pivot for the corners"),
     ] {
         ui.horizontal(|ui| {
             ui.label(RichText::new(title).small().color(palette.text2));
@@ -242,7 +242,7 @@ pub fn plan(app: &mut App, ui: &mut Ui) {
     } else {
         scale_fields(app, ui);
     }
-    let label = ui.label(RichText::new("Image on plan").color(palette.text2));
+    let label = ui.label(RichText::new("Opacity of images on the plan").color(palette.text2));
     ui.horizontal(|ui| {
         let mut opacity = app.opacity(ui.ctx());
         let slider = egui::Slider::new(&mut opacity, 0.0..=1.0).show_value(false);
@@ -265,8 +265,8 @@ fn scale_fields(app: &mut App, ui: &mut Ui) {
     ui.horizontal(|ui| {
         let label = ui.label(RichText::new("Scale").color(palette.text2));
         let (unit, suffix) = match app.editor.session().site.units {
-            Units::Metres => (1e-3, " mm a pixel"),
-            Units::Feet => (0.0254, " in a pixel"),
+            Units::Metres => (1e-3, " mm per pixel"),
+            Units::Feet => (0.0254, " in per pixel"),
         };
         let mut value = plan.metres_per_px / unit;
         let field = DragValue::new(&mut value).speed(0.05).range(1e-6 / unit..=100.0 / unit).max_decimals(4);
@@ -290,7 +290,7 @@ fn scale_fields(app: &mut App, ui: &mut Ui) {
             }
         });
     } else {
-        let text = "A measures it: two clicks and a length.";
+        let text = "Press A, click two points and enter their distance.";
         ui.label(RichText::new(text).small().color(palette.text3));
     }
     ui.horizontal(|ui| {

@@ -18,7 +18,7 @@ pub(crate) fn planes_ui(app: &mut App, ui: &mut Ui) {
     for index in 0..app.editor.site().planes.len() {
         row(app, ui, index);
     }
-    if ui.button("Add a plane").on_hover_text("A ramp, a platform, another carriageway").clicked() {
+    if ui.button("Add a plane").on_hover_text("Such as a ramp, a platform or another carriageway").clicked() {
         app.send(Action::Planes(PlaneAction::Add));
     }
 }
@@ -70,8 +70,8 @@ fn fields(app: &mut App, ui: &mut Ui, index: usize, plane: &PlaneEntry) -> Optio
     let mut changed = known_number(ui, units, Quantity::Height, &mut new.height_m).then_some("height");
     let mut falls = new.tilt.is_some();
     if ui
-        .checkbox(&mut falls, "It slopes")
-        .on_hover_text("When off, the plane is level like the floor")
+        .checkbox(&mut falls, "Sloping")
+        .on_hover_text("When off, the plane is level, like the floor")
         .changed()
     {
         (new.tilt, changed) = (falls.then(TiltEntry::default), Some("fall"));
@@ -211,12 +211,12 @@ fn region_buttons(app: &mut App, ui: &mut Ui, index: usize, plane: &PlaneEntry) 
     ui.horizontal_wrapped(|ui| {
         let corners = plane.region.len();
         let text = if corners == 0 {
-            "No region: no pixels are mapped to it".into()
+            "No region: no pixels are mapped to this plane".into()
         } else {
             format!("Region with {corners} corners")
         };
         ui.label(RichText::new(text).color(palette.text2));
-        if ui.button("Draw").on_hover_text("Corner by corner on the plan (O)").clicked() {
+        if ui.button("Draw").on_hover_text("Draw the region corner by corner on the plan (O)").clicked() {
             let tool = TOOLS.iter().position(|tool| tool.icon == calib_editor::Icon::Region);
             tool.into_iter().for_each(|tool| app.send(Action::SelectTool(tool)));
         }

@@ -1,4 +1,4 @@
-//! Panels of the coverage: areas of interest, walls, limits of the levels, and hand-over zones.
+//! Panels of the coverage: areas of interest, walls, smallest pixel densities of the levels, and hand-over zones.
 
 use calib_core::floor::{DensityLevel, LevelLimits};
 use calib_editor::{Action, TOOLS};
@@ -22,7 +22,7 @@ pub(crate) fn survey_ui(app: &mut App, ui: &mut Ui) {
     }
     ui.horizontal(|ui| {
         for (text, icon, tip) in [
-            ("Draw an area", calib_editor::Icon::Area, "Floor that the cameras must see"),
+            ("Draw an area", calib_editor::Icon::Area, "Floor area that the cameras must see"),
             ("Draw a wall", calib_editor::Icon::Wall, "A wall or shelf that blocks the view"),
         ] {
             let tool = TOOLS.iter().position(|tool| tool.icon == icon);
@@ -47,8 +47,9 @@ pub(crate) fn hand_overs_ui(app: &mut App, ui: &mut Ui) {
     let Some(shown) = &mut app.coverage else { return };
     let Some(found) = shown.result.as_ref().ok().filter(|found| !found.hand_overs.is_empty()) else { return };
     let mut pointed = None;
-    let tip = "Floor that two cameras see. The expected disagreement is the RMS distance between the positions that \
-               both compute for one target exactly at the chosen height. The errors of a detector come in addition";
+    let tip = "Floor area that two cameras see. The expected disagreement is the RMS distance between the \
+               positions that both compute for the same target, exactly at the chosen height. Detector errors \
+               are not included";
     heading(ui, "Hand-over zones", "expected disagreement");
     let row_height = 2.0 * ui.text_style_height(&egui::TextStyle::Body) + 6.0;
     ScrollArea::vertical().id_salt("hand-over zones").max_height(MAX_HEIGHT).show_rows(
@@ -155,7 +156,7 @@ fn area_row(app: &mut App, ui: &mut Ui, index: usize, area: &Area) {
                 ui.selectable_value(&mut level, choice, level_name(choice));
             }
         });
-        choice.response.on_hover_text("Required level of the pixel density");
+        choice.response.on_hover_text("Required level of pixel density");
         if level != area.level {
             change(app, format!("change the level of {name}"), |site| site.areas[index].level = level);
         }
@@ -188,7 +189,7 @@ fn wall_row(app: &mut App, ui: &mut Ui, index: usize, wall: &WallEntry) {
         ui.label(RichText::new(length).color(palette.text2));
         let mut height = wall.height_m;
         let mut is_low = height.is_some();
-        let tip = "Otherwise the wall is higher than every camera";
+        let tip = "Without a height, the wall is assumed to be higher than every camera";
         if ui.checkbox(&mut is_low, "height").on_hover_text(tip).changed() {
             height = is_low.then_some(USUAL_HEIGHT_M);
         }

@@ -62,7 +62,7 @@ fn header(app: &mut App, ui: &mut Ui) {
             ui.label(RichText::new("Cameras").font(theme::medium(13.0)));
             let count = app.editor.session().site.cameras.len();
             let done = (0..count).filter(|&i| steps::is_finished(app.editor.session(), i)).count();
-            ui.label(RichText::new(format!("{done} of {count}")).small().color(palette.text3));
+            ui.label(RichText::new(format!("{done} of {count} done")).small().color(palette.text3));
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 let look = Look { size: Vec2::splat(20.0), ..Look::default() };
                 if icons::button(ui, Icon::Plus, "Add images", "", look).clicked() {
@@ -82,11 +82,11 @@ fn header(app: &mut App, ui: &mut Ui) {
             ui.horizontal(|ui| {
                 ui.checkbox(&mut app.view.list.unfinished, "unfinished");
                 let text = match app.view.list.order {
-                    Order::Site => "sort by name",
+                    Order::Site => "site order",
                     Order::Missing => "missing",
                     Order::Sigma => "floor \u{b1}",
                 };
-                if ui.button(text).on_hover_text("Sort by").clicked() {
+                if ui.button(text).on_hover_text("Change the order of the list").clicked() {
                     app.view.list.order = match app.view.list.order {
                         Order::Site => Order::Missing,
                         Order::Missing => Order::Sigma,

@@ -138,7 +138,7 @@ const GROUPS: [KeyGroup; 7] = [
     ("Tools", |group| matches!(group, Group::Tool(_))),
     ("Files", |group| matches!(group, Group::Files(_))),
     ("While drawing", |group| matches!(group, Group::Gesture(_) | Group::Nudge(_))),
-    ("Selected", |group| matches!(group, Group::Selection(_))),
+    ("Selection", |group| matches!(group, Group::Selection(_))),
     ("Lines", |group| matches!(group, Group::Lines(_) | Group::Proposing(_) | Group::Newer(_))),
     ("Cameras and solving", |group| matches!(group, Group::Cameras(_) | Group::Solving(_))),
     ("View", |group| matches!(group, Group::View(_) | Group::Switch(_))),
@@ -181,9 +181,11 @@ fn shortcuts(app: &mut App, ctx: &Context) {
             });
             ui.separator();
             for line in [
-                "Wheel: zoom at the cursor.   Middle button, or Space and drag: pan.   Tab: next handle.",
-                "While dragging: Shift moves a tenth, Esc cancels.  While dragging or drawing: Alt snaps to the edge.",
-                "Marks: Alt drags the camera instead of the mark, Ctrl changes the height of the mark.   Ctrl+click: select more.",
+                "Wheel: zoom at the cursor.   Drag with the middle button or Space: pan.   Tab: next handle.",
+                "While dragging: hold Shift to move a tenth as far, press Esc to cancel.   \
+                 While dragging or drawing: hold Alt to snap to the edge.",
+                "Marks: hold Alt to drag the camera instead of the mark, Ctrl to change its height.   \
+                 Ctrl+click: select more.",
             ] {
                 ui.label(RichText::new(line).color(palette.text2));
             }

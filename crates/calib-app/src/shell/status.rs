@@ -24,7 +24,7 @@ pub(crate) fn status_ui(app: &mut App, ui: &mut Ui) {
                 "Open the demonstration, open a site, or drop images here.".into()
             }
             _ if app.view.layers.hidden && app.editor.tool().is_idle() => {
-                "The overlay is hidden.  H: show it".into()
+                "The overlay is hidden. Press H to show it.".into()
             }
             _ => proposal_hint(app).unwrap_or_else(|| app.editor.tool().hint(app.editor.session())),
         };
@@ -51,14 +51,18 @@ fn proposal_hint(app: &App) -> Option<String> {
         app.shown_proposal().filter(|_| app.editor.tool_row() == 0 && app.editor.tool().is_idle())?;
     let picked = app.editor.session().picked_line().and_then(|(group, _)| proposed.groups.get(group));
     Some(match picked {
-        Some(group) => format!("A line of {}. Delete removes it.", group.title()),
-        None if proposed.confidence == Confidence::None && proposed.alternative.is_some() => {
-            "Two solutions fit the edges equally well. Click the correct one; Esc discards both.".into()
+        Some(group) => {
+            let title = group.title();
+            format!("Line of the group \u{201c}{title}\u{201d} selected. Press Delete to remove it.")
         }
-        None if proposed.confidence == Confidence::None => "Esc discards the detected lines.".into(),
+        None if proposed.confidence == Confidence::None && proposed.alternative.is_some() => {
+            "Two solutions fit the edges equally well. Click the correct one, or press Esc to discard both."
+                .into()
+        }
+        None if proposed.confidence == Confidence::None => "Press Esc to discard the detected lines.".into(),
         None => {
             let lines = counted(proposed.count(), "line", "lines");
-            format!("{lines} detected: Enter accepts all, Esc discards them, a click selects one.")
+            format!("{lines} detected. Press Enter to accept all, Esc to discard all, or click one.")
         }
     })
 }
@@ -103,7 +107,8 @@ fn state(app: &App, ui: &mut Ui, stop: &mut bool) {
     let waiting = app.waiting();
     if waiting > 0 {
         ui.spinner();
-        ui.label(RichText::new(format!("{waiting} waiting")).color(palette.text2));
+        let text = format!("{} waiting", counted(waiting, "file", "files"));
+        ui.label(RichText::new(text).color(palette.text2));
     }
     if loading > 0 {
         ui.spinner();

@@ -67,8 +67,9 @@ fn end(ui: &mut Ui) -> Option<StripRequest> {
     let palette = theme::palette(ui.ctx());
     let mut request = None;
     ui.label(RichText::new("The tour is complete").font(theme::medium(13.0)));
-    let text = "With your own images: one still of every camera, and a floor plan if there is one. Draw on each what you \
-                drew here, place it, link what two views show (K), then Refine (F9) and save (Ctrl+S).";
+    let text = "To calibrate your own cameras, add one image of each, and a floor plan if you have one. \
+                Draw the same kinds of lines on each image, and place each camera on the plan. \
+                Link points that two views share (K), then refine (F9) and save (Ctrl+S).";
     ui.add(egui::Label::new(RichText::new(text).color(palette.text2)).wrap());
     ui.horizontal_wrapped(|ui| {
         let text = RichText::new("New site").font(theme::medium(12.0)).color(palette.bg);

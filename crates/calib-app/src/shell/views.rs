@@ -155,7 +155,7 @@ fn camera_header(
         let response = ui.interact(shown, ui.scope_id().with(("zoom", key)), Sense::hover());
         let words = format!("{id} at {zoom}");
         response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Label, true, &words));
-        response.on_hover_text("At 100 % a pixel of the image is a pixel of the screen.");
+        response.on_hover_text("At 100 %, one pixel of the image is one pixel of the screen.");
     }
 }
 

@@ -240,7 +240,7 @@ fn buttons(app: &App, ui: &mut Ui, warning: &Warning, request: &mut Option<Warni
                 if app.is_enabled(Command::TakeSuggestion) =>
             {
                 let buttons = [
-                    ("Show what helps   N", Command::TakeSuggestion),
+                    ("Show the suggestion   N", Command::TakeSuggestion),
                     ("Another suggestion   Shift+N", Command::DismissSuggestion),
                 ];
                 for (text, command) in buttons {

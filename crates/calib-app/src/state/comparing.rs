@@ -134,7 +134,7 @@ impl App {
             Step::Comparing(asked, task) => {
                 let Some(found) = task.outcome() else { return Ok(Some(Step::Comparing(asked, task))) };
                 let comparison =
-                    found.map_err(|Lost| "the comparison failed without a result".to_owned()).flatten()?;
+                    found.map_err(|Lost| "the comparison ended without a result".to_owned()).flatten()?;
                 let OfCamera { entry, pose, still, taken } = *asked;
                 let names = [entry.image.as_deref().unwrap_or_default(), &still.image];
                 let captured = names.map(|name| self.captured(name));
@@ -158,13 +158,13 @@ impl App {
     fn calibrated_period(&self, camera: &str, read: ReadPicture) -> Result<OfCamera, String> {
         let session = self.editor.session();
         let ReadPicture { still, taken, .. } = read;
-        let none = || "it has no calibration for the time of this image".to_owned();
+        let none = || "no calibration of this camera is valid at the time of this image".to_owned();
         let index = session.site.entry_index_at(camera, taken.as_deref()).ok_or_else(none)?;
         let pose = session.solved.pose(index).copied();
         let pose = pose.ok_or_else(|| ComparisonError::NotCalibrated.to_string())?;
         let entry = session.solved.write_into(&session.site).cameras.swap_remove(index);
         if entry.image.is_none() {
-            return Err("it has no image to compare with".into());
+            return Err("this camera has no image to compare with".into());
         }
         if entry.size_px != still.size {
             return Err(SizeMismatchError { old: entry.size_px, new: still.size }.to_string());
@@ -188,7 +188,7 @@ impl App {
             picture.map(|picture| Arc::clone(&picture.image))
         });
         if let Some(error) = names.into_iter().find_map(|name| self.pictures.error(name)) {
-            return Err(format!("both images are needed: {error}"));
+            return Err(format!("the comparison needs both images: {error}"));
         }
         let [old, new] = found;
         Ok(old.zip(new).map(|(old, new)| [old, new]))
@@ -204,11 +204,11 @@ impl App {
         };
         let of = Period::from_camera(entry);
         let why_not = match entry.is_valid_at(newer.since.trim()) {
-            Err(_) => Some("enter the time since which the new pose is valid, such as 2026-05-01T08:00:00Z"),
-            Ok(false) => Some("this time is outside its calibration period; enter one inside"),
+            Err(_) => Some("enter the time when the new pose becomes valid, such as 2026-05-01T08:00:00Z"),
+            Ok(false) => Some("this time is outside the calibration period; enter a time inside the period"),
             // The measured change refers to the pose at the time of the comparison.
             Ok(true) if session.solved.pose(session.camera) != Some(&newer.pose) => {
-                Some("it was solved again after the comparison; compare it again")
+                Some("the camera was solved again after the comparison; compare it again")
             }
             Ok(true) => None,
         };
@@ -242,9 +242,9 @@ impl App {
         };
         let Recovering { of, from, .. } = recovering;
         let camera = of.camera;
-        match found.map_err(|Lost| "it failed without a result".to_owned()).flatten() {
+        match found.map_err(|Lost| "the recovery ended without a result".to_owned()).flatten() {
             Ok(found) => self.act(Action::Newer(NewerAction::Recovered(camera, Box::new((from, found))))),
-            Err(why) => self.act(Action::AddError(format!("{camera} is not recovered: {why}."))),
+            Err(why) => self.act(Action::AddError(format!("{camera} was not recovered: {why}."))),
         }
     }
 }

@@ -303,7 +303,7 @@ impl ShownCoverage {
         &self.in_images[index].borders
     }
 
-    /// Describes the coverage at a floor point, such as "142 px/m (recognise) by shop-1, seen by 2".
+    /// Describes the coverage at a floor point, such as "142 px/m (recognise) by shop-1, seen by 2 cameras".
     pub(crate) fn at(&self, at: [f64; 2]) -> Option<String> {
         let found = self.result.as_ref().ok()?;
         let index = found.nearest(at)?;
@@ -313,7 +313,7 @@ impl ShownCoverage {
         let camera = found.cameras.get(best).map_or("", String::as_str);
         let more = match found.seen_by[index] {
             1 => String::new(),
-            count => format!(", seen by {count}"),
+            count => format!(", seen by {count} cameras"),
         };
         Some(format!("{density:.0} px/m ({level}) by {camera}{more}"))
     }

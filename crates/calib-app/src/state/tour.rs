@@ -54,12 +54,14 @@ impl TourButton {
 pub const STEPS: [TourStep; 5] = [
     TourStep {
         title: "Draw two vertical lines",
-        text: "Drag along two vertical edges that are far apart, such as the columns and the fridge. Or click an edge that lights up under the pointer.",
+        text: "Drag along two vertical edges that are far apart, such as edges of columns and the fridge. \
+               You can also click an edge that lights up under the pointer.",
         buttons: &[("Vertical tool (V)", TourButton::Tool("Vertical"))],
     },
     TourStep {
         title: "Draw two pairs of floor lines",
-        text: "Drag along two parallel joints of the tiles. Press New direction, then draw two joints that cross them.",
+        text: "Drag along two parallel joints between the tiles. Press New direction, then drag along \
+               two joints that cross them.",
         buttons: &[
             ("Parallel tool (P)", TourButton::Tool("Parallel")),
             ("New direction (W)", TourButton::Command(Command::NewGroup)),
@@ -67,7 +69,8 @@ pub const STEPS: [TourStep; 5] = [
     },
     TourStep {
         title: "Draw the field of view",
-        text: "Click the corners of the floor area, and the first one again to close it. The grid should look square on the floor.",
+        text: "Click the corners of the floor area, then click the first corner again to close the outline. \
+               The grid should look square on the floor.",
         buttons: &[("Field of view tool (F)", TourButton::Tool("Field of view"))],
     },
     TourStep {
@@ -76,7 +79,7 @@ pub const STEPS: [TourStep; 5] = [
         buttons: &[("Plan (2)", TourButton::Command(Command::ViewPlan))],
     },
     TourStep {
-        title: "Check it in every view",
+        title: "Check the result in every view",
         text: "Drag a box or a post in one view. It should be on the same spot in all views.",
         buttons: &[
             ("All cameras (3)", TourButton::Command(Command::ViewAll)),
@@ -115,7 +118,7 @@ impl Tour {
         let leaning = lines.iter().filter(|line| self.is_leaning(line)).count();
         match (lines.len() - leaning, leaning) {
             (2.., 0) => None,
-            (_, 0) => Some(format!("{} of 2 drawn", lines.len())),
+            (_, 0) => Some(format!("{} of 2 lines drawn", lines.len())),
             _ => Some(
                 "One of the lines is not vertical. Undo it (Ctrl+Z), and draw along a vertical edge.".into(),
             ),
@@ -142,12 +145,14 @@ impl Tour {
         }
         let told = camera_status(session, session.camera);
         if told.level == StatusLevel::Contradictory {
-            return Some(format!("{}: undo (Ctrl+Z) the wrong line.", told.text));
+            return Some(format!("{}: undo the wrong line (Ctrl+Z).", told.text));
         }
         let is_near = self.truth.zip(session.pose()).is_none_or(|(truth, pose)| {
             (pose.focal / truth.focal).ln().abs() < 0.15 && (pose.pitch - truth.pitch).abs() < 0.05
         });
-        (!is_near).then(|| "The lines are short or close together. Draw longer ones, far apart.".into())
+        (!is_near).then(|| {
+            "The lines are too short or too close together. Draw longer lines that are far apart.".into()
+        })
     }
 
     fn placed(&self, session: &Session) -> Option<String> {
@@ -164,10 +169,10 @@ impl Tour {
         }
         if turned.abs() > 8.0 {
             let side = if turned > 0.0 { "right" } else { "left" };
-            return Some(format!("Rotate it to the {side} with the ring, by {:.0}\u{b0}.", turned.abs()));
+            return Some(format!("Rotate the image {:.0}\u{b0} to the {side} with the ring.", turned.abs()));
         }
         let by = if scaled > 1.0 { "smaller" } else { "larger" };
-        ((scaled - 1.0).abs() > 0.15).then(|| format!("Make it {by} with the square."))
+        ((scaled - 1.0).abs() > 0.15).then(|| format!("Make the image {by} with the square."))
     }
 
     fn checked(&self, session: &Session, mode: Mode) -> Option<String> {
@@ -187,7 +192,7 @@ fn drawn(session: &Session, kind: Kind) -> Vec<Vec<Pixel>> {
 
 fn field(session: &Session) -> Option<String> {
     let Some(corners) = session.entry().and_then(|entry| entry.efov_px.as_ref()) else {
-        return Some("No corner yet.".into());
+        return Some("No corners yet.".into());
     };
     let pose = session.pose()?;
     let is_sky = corners.iter().any(|&corner| pose.pixel_to_floor(corner, 0.0).is_none());

@@ -53,7 +53,7 @@ pub struct Panes {
     pub(crate) pressed: Pos2,
     /// Whether the pointer moved farther than a click since the last press.
     pub(crate) moved: bool,
-    /// Last pointer position while a button was down, in document units.
+    /// Last pointer position while a button was down: in pixels of the image, or in metres on the plan.
     pub(crate) pointed: [f64; 2],
     /// Whether the last press was the second of a double click.
     pub(crate) double: bool,
@@ -115,7 +115,8 @@ impl Panes {
         over.into_iter().flatten().any(|(own, rect)| own == key && rect.contains(at))
     }
 
-    /// Returns the mapping between screen and document of a canvas.
+    /// Returns the mapping between screen points and the image or plan of a canvas. `None` before the canvas was first
+    /// shown.
     #[must_use]
     pub fn mapping(&self, place: Place, pane: Pane) -> Option<Mapping> {
         let bend = self.bends.get(&(place, pane)).copied();

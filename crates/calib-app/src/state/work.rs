@@ -48,7 +48,7 @@ impl App {
     /// recovery, reading and edge detection.
     pub fn stop_work(&mut self) {
         if self.jobs.refining.take().is_some() {
-            self.act(Action::Note("Cancelled: no camera was moved.".into()));
+            self.act(Action::Note("Cancelled. No camera was moved.".into()));
             return;
         }
         if self.jobs.proposing.take().is_some() {
@@ -69,7 +69,7 @@ impl App {
         self.pictures.stop();
         self.edges.stop();
         self.act(Action::Note(match count {
-            0 => "Cancelled. \u{201c}Read images again\u{201d} continues.".into(),
+            0 => "Cancelled. Use \u{201c}Reload images and detect edges again\u{201d} to continue.".into(),
             count => {
                 let images = calib_site::counted(count, "image", "images");
                 format!("Cancelled before {images} could be added. Add them again if needed.")
@@ -110,14 +110,14 @@ impl App {
             return;
         }
         if let Some(error) = self.pictures.error(proposing.image()) {
-            let error = format!("{camera}: automatic calibration needs its image: {error}");
+            let error = format!("Automatic calibration of {camera} needs the image: {error}");
             return self.act(Action::AddError(error));
         }
         let picture = self.pictures.ready(proposing.image()).map(|picture| Arc::clone(&picture.image));
         match proposing.poll(ctx, picture.as_ref()) {
             Some(Ok(proposal)) => self.act(Action::SetAutomaticCalibration(of, Box::new(proposal))),
             Some(Err(error)) => {
-                self.act(Action::AddError(format!("{camera}: automatic calibration failed: {error}")));
+                self.act(Action::AddError(format!("Automatic calibration of {camera} failed: {error}")));
             }
             None => self.jobs.proposing = Some(proposing),
         }

@@ -374,7 +374,7 @@ async function refine() {
   await desk.picture("refining");
   await desk.press("Cancel the running task");
   const stopped = await desk.until("stopped", (state) => !state.refining);
-  assert.match(stopped.note, /no camera was moved/);
+  assert.match(stopped.note, /No camera was moved/);
   assert.equal(refined(stopped), 0);
   await desk.page.evaluate(() => { calib.work = globalThis.own; });
   await desk.key("F9");

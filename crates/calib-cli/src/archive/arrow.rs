@@ -64,7 +64,7 @@ pub(super) fn open(mut input: Input, _purpose: ReadOptions<'_>) -> Result<Box<dy
     }
     stream.first = stream.decode()?;
     if stream.decoder.schema().is_none() {
-        return Err(stream.invalid("no schema"));
+        return Err(stream.invalid("the schema is missing"));
     }
     Ok(Box::new(stream))
 }
@@ -171,7 +171,7 @@ impl Stream {
         }
         let ended = self.decoder.finish();
         ended.map_err(|error: ArrowError| self.invalid(error))?;
-        if self.is_file { Err(self.invalid("its end is missing")) } else { Ok(None) }
+        if self.is_file { Err(self.invalid("the end is missing")) } else { Ok(None) }
     }
 
     /// Checks the last bytes of the file, which are missing if it was truncated.
@@ -182,7 +182,7 @@ impl Stream {
             end.drain(..end.len().saturating_sub(MAGIC.len()));
             self.chunk.advance(self.chunk.len());
         }
-        if end == MAGIC { Ok(()) } else { Err(self.invalid("its end is missing")) }
+        if end == MAGIC { Ok(()) } else { Err(self.invalid("the end is missing")) }
     }
 }
 

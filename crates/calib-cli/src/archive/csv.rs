@@ -60,7 +60,7 @@ impl Read for LimitedReader {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         let count = self.from.read(buffer)?;
         let left = self.left.get().checked_sub(count as u64);
-        self.left.set(left.ok_or_else(|| std::io::Error::other("a row longer than 64 MiB"))?);
+        self.left.set(left.ok_or_else(|| std::io::Error::other("a row is longer than 64 MiB"))?);
         Ok(count)
     }
 }
@@ -144,8 +144,8 @@ impl Csv {
             parse_as(column, field.data_type()).map_err(|(row, expected)| {
                 let (name, text) = (field.name(), column.as_string::<i32>().value(row));
                 let what = format!(
-                    "{}, column {name}: found \"{text}\", expected {expected} as in the first rows; --as-text {name} \
-                     keeps the column as text",
+                    "{}, column {name}: found \"{text}\", expected {expected} as in the first rows; add \
+                     --as-text {name} to keep the column as text",
                     self.row_name(row)
                 );
                 CommandError::invalid(&self.name, what)
@@ -290,8 +290,8 @@ impl Sink for CsvSink<'_> {
         if self.protected > 0 {
             let cells = calib_site::counted(self.protected, "cell", "cells");
             print_message(format_args!(
-                "calib: added an apostrophe to {cells} that a spreadsheet would read as a formula; --verbatim \
-                 writes cells unchanged"
+                "calib: added an apostrophe to {cells} that a spreadsheet would read as a formula; add \
+                 --verbatim to write cells unchanged"
             ));
         }
         Ok(self.writer.flush()?)

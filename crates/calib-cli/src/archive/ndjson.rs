@@ -133,7 +133,7 @@ impl NdjsonSource {
         {
             let what = format!(
                 "{} or soon after: the key \"{name}\" is missing in the first {TYPE_INFERENCE_ROWS} lines, which \
-                 determine the columns of {}; add it there as null, or write ndjson",
+                 determine the columns of {}; add the key there as null, or write ndjson",
                 self.row_name(0),
                 self.to.name
             );

@@ -107,8 +107,8 @@ impl Ruler<'_> {
         Some(Measured { value: signed.value.abs(), ..signed })
     }
 
-    /// Measures the height of the head above the foot, which is vertically below it at its own height.
-    /// [`RulerPoint::height`] of the head is not used. Returns `None` if the foot's pixel shows no point at its
+    /// Measures the vertical distance from a foot to the head vertically above it, in metres. The foot is at its
+    /// [`RulerPoint::height`]; that of the head is not used. Returns `None` if the foot's pixel shows no point at its
     /// height, if the ray of the head is vertical, or if the head is not above the foot in the image.
     ///
     /// The head is the point of the vertical that is nearest to the ray of its pixel.

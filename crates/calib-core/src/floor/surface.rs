@@ -224,7 +224,8 @@ impl<'a> SurfaceProjector<'a> {
         }
     }
 
-    /// Computes the covariances of the first points on the rays of raw pixels `(u, v)`. The pixel part and
+    /// Computes the covariances of the surface points that raw pixels `(u, v)` show: of the first intersection of each
+    /// ray with a surface. The pixel part and
     /// the calibration part have the layout of [`FloorCovariance::rows`].
     pub(super) fn covariances(
         &self,

@@ -148,13 +148,14 @@ fn starts(criterion: &Criterion, fixed: FixedParameters, width: f64) -> Vec<[f64
 struct Criterion {
     /// Vertical lines, homogeneous, unrolled.
     verticals: Vec<[f64; 3]>,
-    /// Floor lines, homogeneous, unrolled, with their directions.
+    /// Floor lines in homogeneous coordinates, rotated to compensate the roll of the camera, with their floor
+    /// directions.
     floor: Vec<FloorLine>,
-    /// End points of lengths, unrolled, by group.
+    /// End points of lengths by group, rotated to compensate the roll.
     lengths: Vec<Vec<[[f64; 2]; 2]>>,
 }
 
-/// Floor line: its homogeneous line in unrolled axes, and its floor direction.
+/// Floor line: its homogeneous line in axes without roll, and its floor direction.
 struct FloorLine {
     line: [f64; 3],
     group: usize,

@@ -60,7 +60,7 @@ pub enum Kind {
 /// Shape of an annotation on the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
-    /// Any number of segments of two or more points.
+    /// Any number of lines, each with two or more points.
     Segments,
     /// One polyline of three or more points.
     Polyline,
@@ -469,12 +469,7 @@ pub const USUAL_SIZES: [UsualSize; 12] = {
         ),
         row(("pallet-eur", "EUR pallet, long side"), (1.2, 0.005), Length, "1200 +- 5 mm (EN 13698-1)"),
         row(("pallet-gma", "GMA pallet, long side"), (1.219, 0.006), Length, "48 in"),
-        row(
-            ("container-20", "Container of 20 ft, length"),
-            (6.058, 0.006),
-            Length,
-            "6058 mm -6 +0 (ISO 668)",
-        ),
+        row(("container-20", "20 ft container, length"), (6.058, 0.006), Length, "6058 mm -6 +0 (ISO 668)"),
     ]
 };
 

@@ -356,10 +356,10 @@ impl Constraints {
     reason = "constraints exist with two number types: plain values, and values with derivatives"
 )]
 impl<E: LensNumber> Constraints<E> {
-    /// Computes constraints like [`Constraints::on_planes`], in the charts of the lens `start` that the
-    /// estimate of `lens` began with.
+    /// Computes constraints as [`Constraints::on_planes`] does, but in the charts (virtual pinhole views) of `start`, the
+    /// initial lens of the estimation of `lens`.
     ///
-    /// With numbers of type [`ByLens`] they include the derivatives by the parameters of the lens.
+    /// With numbers of type [`ByLens`], they include the derivatives with respect to the parameters of the lens.
     pub(crate) fn in_charts_of(
         start: &Lens,
         annotations: &[Annotation],

@@ -34,7 +34,8 @@ pub(crate) struct Count {
 }
 
 impl Count {
-    /// Returns the fraction of the copies that are in the same class; 1 without a class.
+    /// Returns the repeat count of the polyline in its class, divided by its repeat count in all classes. Returns 1 for a
+    /// polyline without a class.
     pub(crate) fn share(&self) -> f64 {
         if self.all > 0.0 { self.own / self.all } else { 1.0 }
     }
@@ -69,7 +70,7 @@ impl<'a> Overlaps<'a> {
         Self { places, place_of, pieces }
     }
 
-    /// Returns the repeat count of every polyline.
+    /// Returns the repeat count of every polyline: 1, plus the fraction of it that each overlapping polyline covers.
     pub(crate) fn repeat_counts(&self) -> Vec<f64> {
         self.counts([&|_| Some(0)]).into_iter().map(|[count]| count.all).collect()
     }

@@ -90,7 +90,7 @@ impl FittedCoefficients {
         (0..Distortion::MAX_FITTED).filter(|&k| self.which[k]).collect()
     }
 
-    /// Whether the coefficients refer to a focal length that must be known beforehand.
+    /// Whether the coefficients are valid for one focal length only, which must be known before the lens is fitted.
     pub fn has_own_focal(&self) -> bool {
         self.model.row().focal_powers.is_none()
     }

@@ -75,8 +75,9 @@ impl Editor {
         self.session.commit(format!("replace the image of {}", of.camera));
         self.replaced_image = old.map(|image| ReplacedImage { of, image, opacity: 0.5, size });
         if let Some([w, h]) = size {
-            self.session.note =
-                Some(format!("The old image was {w} \u{d7} {h} px. Rescale the annotations in the panel."));
+            self.session.note = Some(format!(
+                "The old image had another size, {w} \u{d7} {h} px. Press Rescale the annotations."
+            ));
         }
     }
 
@@ -107,13 +108,14 @@ impl Editor {
         if let Some(entry) = self.session.entry_mut() {
             entry.name = Some(name).filter(|name| !name.trim().is_empty());
         }
-        self.session.commit("name a camera");
+        self.session.commit("change the name of a camera");
     }
 
     pub(super) fn rename_camera(&mut self, id: &str) {
         let session = &mut self.session;
         if id.is_empty() || session.site.cameras.iter().any(|camera| camera.id == id) {
-            session.note = Some("Camera not renamed: the id is empty or already used.".into());
+            let note = "Camera not renamed: the id is empty or already in use. Enter another id.";
+            session.note = Some(note.into());
             return;
         }
         let Some(old) = session.entry().map(|entry| entry.id.clone()) else { return };
@@ -215,8 +217,9 @@ impl Editor {
     fn apply_recovered(&mut self, camera: &str, from: &Site, found: Recovered) {
         self.cancel();
         if self.session.site != *from {
-            let note = "Not recovered: the site has changed since. Recover again.";
-            self.session.note = Some(note.into());
+            self.session.note = Some(format!(
+                "{camera} was not recovered: the site changed in the meantime. Recover it again."
+            ));
             return;
         }
         let Recovered { mut site, left_out, carried } = found;
@@ -226,7 +229,7 @@ impl Editor {
         self.session.commit(format!("recover {camera}"));
         let left_out = match left_out.len() {
             0 => String::new(),
-            _ => format!(" Not visible in the new image, omitted: {}.", left_out.join(", ")),
+            _ => format!(" Omitted because not visible in the new image: {}.", left_out.join(", ")),
         };
         self.session.note =
             Some(format!("{camera}: {carried} lines and points transferred to the new image.{left_out}"));

@@ -30,7 +30,7 @@ impl Editor {
             Lines::CopyLines => {
                 let entry = self.session.entry();
                 self.copied_annotations = entry.map(|entry| (entry.annotations.clone(), entry.size_px));
-                self.session.note = Some("Copied. Choose a camera and paste.".into());
+                self.session.note = Some("Annotations copied. Select a camera and paste them.".into());
             }
             Lines::PasteLines => self.paste_lines(),
         }
@@ -57,7 +57,7 @@ impl Editor {
         let groups: Vec<usize> = (0..entry.annotations.len()).filter(is_parallel).collect();
         let [.., first, second] = groups[..] else {
             self.session.note =
-                Some("Draw two groups of parallel lines first. Press W to start the second one.".into());
+                Some("Draw two groups of parallel lines first. Press W to start the second group.".into());
             return;
         };
         let is_used = |id: &String| entry.annotations.iter().any(|a| a.id.as_ref() == Some(id));

@@ -85,6 +85,6 @@ impl Editor {
     /// Changes the unit of lengths as one undo step.
     fn toggle_units(&mut self) {
         self.session.site.units = self.session.site.units.other();
-        self.session.commit("change the unit of lengths");
+        self.session.commit("change the unit of length");
     }
 }

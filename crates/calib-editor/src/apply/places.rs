@@ -31,7 +31,8 @@ impl Editor {
         let session = &mut self.session;
         let camera = session.camera;
         if session.is_fixed_by_control_points(camera) {
-            let note = "Control points determine this camera's position. Switch them off to move it by hand.";
+            let note = "Control points determine this camera's position. \
+                        Switch them off to move the camera by hand.";
             session.note = Some(note.into());
             return;
         }
@@ -65,7 +66,7 @@ impl Editor {
         let Some(placement) = &mut entry.placement else { return };
         placement.fixed = !placement.fixed;
         let verb = if placement.fixed { "fix" } else { "unfix" };
-        session.commit(format!("{verb} {id}"));
+        session.commit(format!("{verb} the placement of {id}"));
     }
 
     /// Fixes or unfixes one component of the placement. If the whole placement was fixed, the other

@@ -20,7 +20,7 @@ impl Editor {
         let proposed = PendingCalibration::new(entry, proposal);
         let note = match (proposed.count(), proposed.confidence) {
             (0, Confidence::None) => Some(format!("No lines were detected in the image of {camera}.")),
-            (0, _) => Some(format!("All detected lines of {camera} are annotated already.")),
+            (0, _) => Some(format!("All detected lines of {camera} are already annotated.")),
             // No note: the status line shows the available keys while the automatic calibration is undecided.
             _ => None,
         };
@@ -61,9 +61,11 @@ impl Editor {
             CalibrationDecision::AcceptAll => self.accept_all(),
             CalibrationDecision::Decide { other } => {
                 self.change_proposed(|own| own.decide(other));
-                self.session.commit("choose between two solutions");
+                self.session.commit("choose one of two solutions");
             }
-            CalibrationDecision::Accept(group) => self.accept(|index| index == group, "accept the detected"),
+            CalibrationDecision::Accept(group) => {
+                self.accept(|index| index == group, "accept the detected lines:");
+            }
             CalibrationDecision::Flip(group) => {
                 self.change_group(group, "change the kind of", PendingGroup::flip);
             }
@@ -128,7 +130,7 @@ impl Editor {
             }
             own.groups.retain(|group| !group.lines.is_empty());
         });
-        self.session.commit(format!("{verb} the detected {title}"));
+        self.session.commit(format!("{verb} the detected lines: {title}"));
     }
 
     /// Changes the automatic calibration of the selected camera, and removes it if it has no groups left.
@@ -146,6 +148,6 @@ impl Editor {
         let Some(of) = self.session.proposed().map(|own| own.of.clone()) else { return };
         Arc::make_mut(&mut self.session.pending.proposed).retain(|own| own.of != of);
         self.session.pending.picked_line = None;
-        self.session.commit(format!("dismiss the detected lines of {}", of.camera));
+        self.session.commit(format!("discard the detected lines of {}", of.camera));
     }
 }

@@ -5,6 +5,7 @@
 use std::collections::BTreeSet;
 
 use calib_core::{MarkKind, Pixel};
+use calib_site::counted;
 use image::RgbImage;
 
 use crate::command::{Gesture, Nudge, Selection};
@@ -210,14 +211,15 @@ impl Editor {
         }
         self.session.commit(name);
         if waits {
-            self.session.note = Some("Enter the height of the upright first.".into());
+            let note = "The upright has no height yet. Enter its height before you switch it on.";
+            self.session.note = Some(note.into());
         }
     }
 
     fn move_onto_edges(&mut self, parts: &BTreeSet<Part>, name: &str, image: Option<&RgbImage>) {
         let session = &mut self.session;
         let Some(image) = image else {
-            session.note = Some("The image is still loading.".into());
+            session.note = Some("The image is still loading. Try again in a moment.".into());
             return;
         };
         let (camera, pose) = (session.camera, session.solved.pose(session.camera));
@@ -225,8 +227,8 @@ impl Editor {
         let pulled = snap::pull_parts(&mut session.site, camera, parts, lens, image);
         session.commit(format!("snap {name} to the edge"));
         session.note = Some(match pulled {
-            0 => "No edge found along the line.".into(),
-            count => format!("{count} snapped to the edge."),
+            0 => "No edge was found along the selected lines.".into(),
+            count => format!("Snapped to edges: {}.", counted(count, "line", "lines")),
         });
     }
 

@@ -168,8 +168,8 @@ impl Editor {
         let is_alone = site.cameras.len() == 1;
         let (mut lenses, mut added, mut lens_of) = (0, 0, String::new());
         if site.ground_points.iter().any(|point| point.crs_m.is_some()) && self.session.site.crs.is_none() {
-            let error = "The points are in a grid. Enter the grid of the site in the panel Points to click, such as \
-                         EPSG:25832, and import the file again.";
+            let error = "The points have grid coordinates. Enter the grid of the site, such as EPSG:25832, \
+                         in the panel Points to click. Then import the file again.";
             self.error = Some(error.into());
             return;
         }

@@ -176,13 +176,13 @@ impl Tool for Linking {
         let Some(link) = self.open_link(session).and_then(|index| session.site.links.get(index)) else {
             return "Click a point that another camera also shows, or drag along a floor line.".into();
         };
-        let id = link.id.as_deref().unwrap_or("it");
+        let id = link.id.as_deref().unwrap_or("the link");
         let text = match link.kind {
             LinkKind::Point => format!("Click {id} in another camera, on the yellow line."),
             LinkKind::Post => {
                 format!("Drag {id} from foot to head in another camera, at the yellow line.")
             }
-            LinkKind::Line => format!("Drag along {id} in another camera, along the yellow line."),
+            LinkKind::Line => format!("Drag along {id} in another camera, following the yellow line."),
         };
         format!("{text}  Enter: next link")
     }

@@ -245,7 +245,8 @@ impl MarkDrag {
     pub(super) const fn hint(&self) -> &'static str {
         match self.kind {
             DragKind::Slide { .. } => {
-                "Drag it onto the same object in every view.  Alt: move the camera instead, Ctrl: height"
+                "Drag the mark onto the same object in every view.  Alt: move the camera instead, \
+                 Ctrl: height"
             }
             DragKind::Pin { .. } => "Release to pin the mark here; the camera moves to match.",
         }
@@ -290,7 +291,7 @@ impl Corners {
             } else {
                 "The camera cannot be solved with this size. "
             };
-            let note = format!("{solved}Choose the court, or enter width and depth, under Marks.");
+            let note = format!("{solved}Choose a court, or enter the width and depth, under Marks.");
             session.note = Some(note);
         }
     }
@@ -359,9 +360,10 @@ impl Tool for Marking {
                     let is_solved =
                         pointer.pixel().is_none_or(|(camera, _)| session.solved.pose(camera).is_some());
                     let note = if is_solved {
-                        "No floor there. Click below the horizon."
+                        "This point is not on the floor. Click below the horizon."
                     } else {
-                        "This camera is not calibrated. Draw its lines, or choose the rectangle and click its corners."
+                        "This camera is not calibrated. Draw lines in its image, or choose the rectangle and \
+                         click the corners."
                     };
                     session.note = Some(note.into());
                     return;
@@ -406,7 +408,8 @@ impl Tool for Marking {
             (Some(_), _) => "Release to set the mark here.".into(),
             (None, Some(corners)) => corners.hint().into(),
             (None, None) if Corners::start_at(session, session.camera) => {
-                "Click the corners of a court or another rectangle, the two ends of its width first.".into()
+                "Click the corners of a court or other rectangle. Start with the two ends of its width."
+                    .into()
             }
             (None, None) => "Click the floor, in any view or on the plan, to set a mark.".into(),
         }

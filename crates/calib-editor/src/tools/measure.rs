@@ -169,8 +169,8 @@ impl Measure {
         let periods: Vec<Option<String>> =
             clicks.iter().zip(&times).map(|(click, time)| period_time(session, click, time)).collect();
         if is_speed && !has_times && periods.first() != periods.last() {
-            let what = "The two points belong to different calibrations. A speed between them needs images whose names \
-                        state the second.";
+            let what = "The two points belong to different calibrations. For a speed between them, the file \
+                        names or EXIF data of both images must contain the time to the second.";
             session.note = Some(what.into());
             return;
         }
@@ -194,7 +194,8 @@ impl Measure {
             kind.name()
         ));
         if is_speed && !has_times {
-            session.note = Some("Enter the seconds between the points in the panel Measurements.".into());
+            let what = "Enter the time between the points, in seconds, in the panel Measurements.";
+            session.note = Some(what.into());
         }
     }
 }
@@ -217,7 +218,8 @@ const fn refusal(change: CameraChange) -> Option<&'static str> {
             Some("The newer image shows another view. Calibrate it as another camera to measure in it.")
         }
         CameraChange::TooDark | CameraChange::Blind | CameraChange::TooFewEdges => Some(
-            "Nothing shows whether the camera has moved since its calibration. The newer image cannot be measured.",
+            "It is unknown whether the camera has moved since its calibration. You cannot measure in the \
+             newer image.",
         ),
     }
 }
@@ -239,7 +241,8 @@ impl Tool for Measure {
                     let scale = plan_scale(&session.site);
                     session.tool.measured =
                         Some([from, pointer.at].map(|at| scale.plan_from_floor(at.into())));
-                    session.note = Some("Enter the distance between the two points on the right.".into());
+                    let what = "Enter the distance between the two points in the panel on the right.";
+                    session.note = Some(what.into());
                     self.cancel();
                 }
             }
@@ -296,11 +299,11 @@ impl Tool for Measure {
                 }
             },
             (Some(_), _) => "Click the other end of the known length.".into(),
-            (None, Some(_)) => "Enter the length on the right, or measure again.".into(),
+            (None, Some(_)) => "Enter the length in the panel on the right, or measure again.".into(),
             (None, None) => match kind {
                 MeasurementKind::Length => format!(
-                    "Click two points {where_to} in the images to measure, or two points of the plan whose distance \
-                     you know."
+                    "Click two points {where_to} in the images to measure, or two points on the plan whose \
+                     distance you know."
                 ),
                 MeasurementKind::Height => format!("Click the lower end {where_to}, then the upper end."),
                 MeasurementKind::Area => format!("Click the corners {where_to} in the images."),

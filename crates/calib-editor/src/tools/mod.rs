@@ -88,7 +88,9 @@ const MAX_CLICK_SIGMA_PX: f64 = 1.5;
 
 /// Returns the note that a click is imprecise, with advice. `sigma` is its standard deviation in pixels.
 fn imprecise_note(name: &str, sigma: f64) -> String {
-    format!("{name} is accurate to \u{b1} {sigma:.1} px at this zoom. Zoom in and drag it to improve it.")
+    format!(
+        "{name} is accurate to \u{b1} {sigma:.1} px at this zoom. Zoom in and drag it for better accuracy."
+    )
 }
 
 /// Returns the standard deviation of annotated points of a camera, in pixels: as entered, otherwise as

@@ -108,7 +108,7 @@ impl PlaceDrag {
         if session.is_fixed_by_control_points(camera) {
             let name = &session.site.cameras[camera].id;
             session.note = Some(format!(
-                "Control points determine the position of {name}. Switch them off to move it by hand."
+                "Control points determine the position of {name}. Switch them off to move the camera by hand."
             ));
             return None;
         }

@@ -164,7 +164,7 @@ impl Tool for Polyline {
                         "Click the next corner, or the first one to close.  Enter: close".into()
                     }
                     (0, PolylineKind::StraightEdge) => {
-                        "Click the next point.  Enter or double click: done, then J: snap to edge".into()
+                        "Click the next point.  Enter or double-click: finish, then J: snap to edge".into()
                     }
                     _ => format!("Click the next point; {left} more needed."),
                 }

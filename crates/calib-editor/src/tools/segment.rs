@@ -74,11 +74,15 @@ impl Segment {
             let is_open =
                 session.entry().and_then(|entry| entry.annotations.last()).is_some_and(|drawn| drawn.off);
             let note = match (self.kind.row().has_length, is_upright, is_open) {
-                (true, ..) => "Enter its length in the list. It is not used until you do.",
+                (true, ..) => "Enter the length of the line in the list. The line is not used until then.",
                 (_, true, true) => {
-                    "Choose person or door in the list, or enter its height. It is not used until you do."
+                    "Choose person or door in the list, or enter a height. The upright is not used until \
+                     then."
                 }
-                (_, true, false) => "It has the same height as the last upright. Change it in the list.",
+                (_, true, false) => {
+                    "This upright has the height of the last one. Change the height in the list if it \
+                     differs."
+                }
                 _ => return,
             };
             session.note = Some(note.into());
@@ -156,7 +160,6 @@ impl Tool for Segment {
     }
 
     fn hint(&self, session: &Session) -> String {
-        let title = self.kind.row().title.to_lowercase();
         match (self.gesture, self.kind) {
             (Gesture::Idle, Kind::Upright) => "Drag from the foot of a person or post to the head.".into(),
             (Gesture::Idle, Kind::Perpendicular) => {
@@ -168,9 +171,15 @@ impl Tool for Segment {
             }
             (Gesture::Idle, Kind::Vertical) => "Draw along a vertical edge: drag, or click both ends.".into(),
             (Gesture::Idle, Kind::Parallel) if self.joins_last(session) => {
-                "Draw a line parallel to the last ones.  W: start another direction".into()
+                "Draw a line parallel to the previous ones.  W: start another direction".into()
             }
-            (Gesture::Idle, _) => format!("Draw a {title} line on the floor: drag, or click both ends."),
+            (Gesture::Idle, Kind::EqualLength) => {
+                "Draw one of the lines of equal length on the floor: drag, or click both ends.".into()
+            }
+            (Gesture::Idle, Kind::KnownLength) => {
+                "Draw a line of known length on the floor: drag, or click both ends.".into()
+            }
+            (Gesture::Idle, _) => "Draw a parallel line on the floor: drag, or click both ends.".into(),
             (Gesture::Pressed { .. }, _) => "Release to end the line.  Alt: snap to edge".into(),
             (Gesture::Placed { .. }, _) => "Click or press Enter to end the line.  Alt: snap to edge".into(),
         }

@@ -257,7 +257,7 @@ fn notes(model: &Model<'_>, pairs: &Pairs<'_>, distant: usize, unknown: &[&str])
         notes.push(format!("Lines far away from the plan are not shown: {distant}."));
     }
     if model.is_cut {
-        notes.push("Not complete: the drawing exceeds the limit of lines or of blocks in blocks.".into());
+        notes.push("The drawing is incomplete: it exceeds the limit for lines or nested blocks.".into());
     }
     if pairs.damaged_lines > 0 {
         notes.push(format!("Damaged lines of the file were skipped: {}.", pairs.damaged_lines));

@@ -47,7 +47,7 @@ impl Site {
 const UNCERTAINTY_UNKNOWN: &str =
     "The uncertainty of this camera is unknown: it has no annotations, or they contradict each other.";
 /// Advice for a camera that fits its lines with two rolls.
-const TURNED_ADVICE: &str = "Lines look the same to a camera that hangs the other way round. Enter the roll, draw a \
+const TURNED_ADVICE: &str = "The same lines fit a camera that is mounted the other way up. Enter the roll, draw a \
                              person or a length on the floor, or draw the field of view on the floor.";
 /// Message for an imported camera whose file contains no standard deviations.
 const NO_STANDARD_DEVIATIONS: &str =
@@ -160,7 +160,8 @@ fn advice(finding: &Finding) -> String {
             format!("Enter the focal length if heights matter, or draw verticals. {}", next())
         }
         F::FocalUnobservable { .. } => format!(
-            "Draw floor lines that run away from the camera or a right angle at about 45\u{b0} to the view, or enter the focal length. {}",
+            "Draw floor lines that run away from the camera, or a right angle at about 45\u{b0} to the view, or \
+             enter the focal length. {}",
             next()
         ),
         F::TwoSolutions { is_turned: true, .. } => TURNED_ADVICE.into(),
@@ -181,15 +182,16 @@ fn advice(finding: &Finding) -> String {
 }
 
 /// Advice for uprights that contradict each other.
-const CHECK_HEIGHTS: &str = "Check the height, foot and head of both: they must stand on the floor. To compare, switch one off and solve again.";
+const CHECK_HEIGHTS: &str = "Check the height, foot and head of both uprights: each must stand on the floor. To \
+                             compare, switch one off and solve again.";
 
 /// Advice for a camera that shows no floor.
 const CHECK_FLOOR_LINES: &str =
-    "Check that floor lines and verticals are not confused, and draw the field of view on the floor.";
+    "Check that floor lines and verticals are not mixed up, and draw the field of view on the floor.";
 
 /// Advice for a camera that was placed by hand.
-const CONNECT_OR_FIX: &str =
-    "Add two control points, or link it to a camera that has them, then refine. Or fix the measured values.";
+const CONNECT_OR_FIX: &str = "Add two control points, or link the camera to one that has control points, then \
+                              refine. Or fix the measured values.";
 
 /// Advice for lines that are curved in one direction only.
 const ANOTHER_EDGE: &str =
@@ -235,11 +237,14 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         F::FewResiduals { .. } => "Draw more lines: each one improves the estimate of the noise.",
         F::UncertaintyUnknown => "Correct the lines that do not fit, or draw lines if the image has none.",
         F::NoStandardDeviations => {
-            "If you trust it, pass --allow uncertainty-unknown to calib check. Otherwise add its standard deviations (\"sigma\" in the solution), or draw lines and solve."
+            "If you trust the calibration, pass --allow uncertainty-unknown to calib check. If not, add standard \
+             deviations (\"sigma\" in the solution), or draw lines and solve."
         }
         F::OutOfDate { .. } => "Solve the site again: calib solve, or Refine all (F9) in the app.",
-        F::BelowFloor { .. } => "Check its height. In an imported calibration, the z axis must point up.",
-        F::LineOutlier { .. } => "Redraw it or delete it. If it is correct, use it anyway (\"keep\").",
+        F::BelowFloor { .. } => {
+            "Check the height of the camera. In an imported calibration, the z axis must point up."
+        }
+        F::LineOutlier { .. } => "Redraw or delete the line. If it is correct, use it anyway (\"keep\").",
         F::Misfit { .. } => {
             "Check the lines with the largest residuals: a line may be misplaced, not parallel, or curved by distortion."
         }
@@ -252,18 +257,18 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
             "Draw long edges far from the image centre that do not point towards it."
         }
         F::UncertainCorners { is_round, is_reached, .. } => extend_edges(*is_round, *is_reached),
-        F::UnusedEdges { .. } => "Remove the coefficients from lens.distortion to fit them.",
-        F::UnusedKind { .. } => "Switch it off, or use a method that supports it.",
+        F::UnusedEdges { .. } => "Remove the coefficients from lens.distortion to have them estimated.",
+        F::UnusedKind { .. } => "Switch the annotation off, or use a method that supports it.",
         F::TooFewSegments { .. } => "Draw the missing segments.",
-        F::UnusedPrior { .. } => "Fix it with \"fixed\": true, or use --method ml.",
+        F::UnusedPrior { .. } => "Fix the value with \"fixed\": true, or use --method ml.",
         F::OutsideLens { .. } => "Move the point inwards, or correct the distortion.",
-        F::NoLength { .. } => "Redraw it or delete it.",
+        F::NoLength { .. } => "Redraw or delete the line.",
         F::TooFewControlPoints { .. } => {
             "Add control points: at least two that are far apart are required, and more improve the reliability."
         }
-        F::HiddenControlPoints { .. } => "Check their coordinates and pixels.",
+        F::HiddenControlPoints { .. } => "Check the coordinates and pixels of these points.",
         F::FarControlPoints { .. } => {
-            "Check the coordinates and the pixel of the worst one, or switch it off and solve again."
+            "Check the coordinates and the pixel of the worst point, or switch it off and solve again."
         }
         F::UncheckedPoints { .. } => "Click another point, or draw lines.",
         F::WrongPrincipalPoint { .. }
@@ -271,7 +276,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         | F::OtherResolution { .. }
         | F::PixelsNotSquare { .. } => lens_advice(finding),
         F::UnknownSlope { .. } => {
-            "State the ground: level, sloping or steep (\"scene\"). Or draw a right angle on it."
+            "Set the scene (\"scene\") to level, sloping or steep. Or draw a right angle on the ground."
         }
         F::ExchangedControlPoints { .. } => EXCHANGE,
         F::ScaleConflict { .. } => {
@@ -289,7 +294,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
 const fn lens_advice(finding: &Finding) -> &'static str {
     match finding {
         Finding::WrongPrincipalPoint { is_exchanged: true, .. } => {
-            "Exchange its coordinates: it is [u, v], from the left and from the top."
+            "Exchange its coordinates: the order is [u, v], from the left and from the top."
         }
         Finding::WrongPrincipalPoint { .. } => {
             "Check lens.principal_point_px: its unit is pixels of this image. Or remove it to have it estimated."
@@ -298,7 +303,8 @@ const fn lens_advice(finding: &Finding) -> &'static str {
             "If the image is not cropped, check the right angles and the verticals. If you know the principal point, enter it."
         }
         Finding::OtherResolution { .. } => {
-            "Enter the lens of this resolution: multiply its focal length and principal point by the ratio of the widths."
+            "Enter the lens for this resolution: multiply its focal length and principal point by the ratio of the \
+             widths."
         }
         _ => ENTER_ASPECT,
     }
@@ -323,18 +329,20 @@ fn unknown_slope(usual: f64, sloping: Option<f64>) -> String {
 const fn shared_advice(finding: &Finding) -> &'static str {
     use Finding as F;
     match finding {
-        F::FarFromMap { .. } => "Check its coordinates on the map and its pixel, then the scale of the plan.",
-        F::LargeSite { is_compact: true, .. } => "Move the origin of the site to its cameras.",
-        F::LargeSite { .. } => "Divide it into sites of at most 5 km.",
+        F::FarFromMap { .. } => {
+            "Check the map coordinates and the pixel of the point, then the scale of the plan."
+        }
+        F::LargeSite { is_compact: true, .. } => "Move the origin of the site close to its cameras.",
+        F::LargeSite { .. } => "Divide the site into sites of at most 5 km.",
         F::ControlPointOutlier { .. } => {
-            "Check its coordinates and its pixel. If both are correct, use it anyway (\"keep\")."
+            "Check the coordinates and the pixel of the point. If both are correct, use it anyway (\"keep\")."
         }
         F::UncheckedLinks { cameras, .. } if cameras.is_empty() => {
-            "Click one more of its points, or draw a line."
+            "Click one more point of the link or mark, or draw a line."
         }
         F::UncheckedLinks { .. } => "Add one more link between these cameras, far from the others.",
         F::ElementOutlier { .. } => {
-            "Check that it marks the same object in every camera. If it does, use it anyway (\"keep\")."
+            "Check that every camera marks the same object. If so, use the link or mark anyway (\"keep\")."
         }
         F::DistanceOutlier { .. } => "Check the length and its unit.",
         F::NotConnected { .. } => "Link three points with a connected camera, or add control points.",
@@ -367,10 +375,11 @@ const fn advice_on_points(fits_exchanged: bool, is_other_image: bool) -> &'stati
 const fn advice_on_unused(why: UnusedReason) -> &'static str {
     match why {
         UnusedReason::NotVisible => {
-            "Check that it is below the horizon, inside the field of view of the lens, and on the same object in every image."
+            "Check that its pixels are below the horizon, inside the field of view of the lens, and on the same \
+             object in every image."
         }
         UnusedReason::SingleView => {
-            "Mark it in a second camera, or enter its distance to another link or mark."
+            "Annotate the link or mark in a second camera, or enter its distance from another one."
         }
         UnusedReason::UnknownLengthOrEnd => {
             "Use links or marks that are annotated in images, and enter \"sigma\" or \"fixed\" for the length."
@@ -421,7 +430,7 @@ fn failure_text(failure: &Failure) -> [String; 2] {
             "Draw two parallel floor lines, a right angle, or segments of equal length. Or enter the focal length.".into(),
         ],
         Failure::NoAnnotations => [
-            "No lines are drawn that determine the orientation of the camera.".into(),
+            "No drawn lines determine the orientation of the camera.".into(),
             "Draw two verticals and two parallel floor lines that run away from the camera, or click four control points.".into(),
         ],
         Failure::ExchangedControlPoints { .. }
@@ -430,10 +439,10 @@ fn failure_text(failure: &Failure) -> [String; 2] {
         | Failure::ImpossibleCamera { .. }
         | Failure::UndeterminedByPoints { .. } => points_failure_text(failure),
         Failure::NoPitchAndFocal => {
-            ["No pitch and focal length fit these lines on a floor.".into(), CHECK_KINDS.into()]
+            ["No combination of pitch and focal length fits these lines.".into(), CHECK_KINDS.into()]
         }
         Failure::NoOrientation => {
-            ["No roll, pitch and focal length fit these lines on a floor.".into(), CHECK_KINDS.into()]
+            ["No combination of roll, pitch and focal length fits these lines.".into(), CHECK_KINDS.into()]
         }
         Failure::Underdetermined { weakest } => [
             format!("The lines do not determine the {} of the camera.", weakest.map_or("orientation", parameter)),
@@ -477,7 +486,7 @@ fn points_failure_text(failure: &Failure) -> [String; 2] {
                 "{} not determine the camera.",
                 counted(*count, "control point alone does", "control points alone do")
             ),
-            "Click at least four control points that are not on one line. Three are enough if the focal length is known.".into(),
+            "Click at least four control points that are not all on one line. Three are enough if the focal length is known.".into(),
         ],
         _ => Default::default(),
     }
@@ -522,7 +531,7 @@ const ENTER_ASPECT: &str =
 const ANOTHER_VERTICAL: &str = "Draw another vertical, far to the side of the first, or fix lens.roll_deg.";
 /// Advice for lines that fit no camera.
 const CHECK_KINDS: &str =
-    "Check that no floor line was drawn as a vertical, and no length above the horizon.";
+    "Check that no floor line was drawn as a vertical, and that no length is above the horizon.";
 
 const fn parameter(parameter: Parameter) -> &'static str {
     match parameter {

@@ -47,7 +47,7 @@ pub(crate) fn suggestion_text(suggestion: &Suggestion) -> String {
         }
         SuggestedAnnotation::EqualLengths => "Three floor segments of equal length, near, far and across,",
         SuggestedAnnotation::SharedPoints => {
-            "Links of four floor points to another camera that also shows them"
+            "Linking four floor points to another camera that also shows them"
         }
         SuggestedAnnotation::KnownSize => {
             "One object of known length on the floor (a tile, a lane, a parking bay)"
@@ -175,10 +175,10 @@ impl SentenceContext<'_> {
         match self.site.units {
             _ if !is_near(FEET_PER_METRE) && !is_near(1.0 / FEET_PER_METRE) => "",
             Units::Metres => {
-                " The ratio is 3.28: one of them seems to be in feet. Enter all lengths in metres (1 ft is 0.3048 m)."
+                " The ratio is 3.28: one of the lengths seems to be in feet. Enter all lengths in metres (1 ft is 0.3048 m)."
             }
             Units::Feet => {
-                " The ratio is 3.28: one of them seems to be in metres. Enter all lengths in feet, or type the unit (1.75 m)."
+                " The ratio is 3.28: one of the lengths seems to be in metres. Enter all lengths in feet, or type the unit (1.75 m)."
             }
         }
     }
@@ -263,7 +263,8 @@ impl SentenceContext<'_> {
         };
         match (stored, now) {
             (Some(stored), Some(now)) => format!(
-                "The solution is out of date: {name} is now {:.1} px from its prediction; it was {:.1} px when solved.",
+                "The solution is out of date: {name} is now {:.1} px from its prediction, compared with {:.1} px when \
+                 the site was solved.",
                 now.abs(),
                 stored.abs()
             ),
@@ -299,7 +300,8 @@ impl SentenceContext<'_> {
         let which = if count == 1 { self.label(first) } else { format!("{count} straight edges") };
         let how = if is_undistorted { "without distortion" } else { "with the entered distortion" };
         format!(
-            "The fit does not use {which}: the lens is fixed {how}. The deviation from straight is {px:.2} px."
+            "The fit does not use {which}: the lens is fixed {how}. The deviation from a straight line is \
+             {px:.2} px."
         )
     }
 
@@ -324,7 +326,7 @@ impl SentenceContext<'_> {
         let name = self.control_point(self.site.cameras.get(camera), point);
         let distance = self.length(distance);
         format!(
-            "Control point {name} is {distance} away from its map coordinates. The other points determine this."
+            "Control point {name} is {distance} away from its map coordinates, according to the other points."
         )
     }
 
@@ -332,7 +334,8 @@ impl SentenceContext<'_> {
         let [distance, drop] =
             [(distance, 0), (drop, 1)].map(|(length, digits)| self.site.units.length(length, digits));
         format!(
-            "Camera {} is {distance} from the origin of the site. The floor is a plane, and there the curved ground is {drop} below it.",
+            "Camera {} is {distance} from the origin of the site. There, the curved ground is {drop} below the plane \
+             of the floor.",
             self.id(camera)
         )
     }
@@ -358,12 +361,12 @@ impl SentenceContext<'_> {
         }
         if cameras.is_empty() {
             return format!(
-                "There is no redundant point, so a wrong click cannot be detected in {}.",
+                "There is no redundant point, so a wrong click in {} cannot be detected.",
                 enumerated(&names)
             );
         }
         format!(
-            "There is no redundant link with {}, so a wrong click cannot be detected in {}.",
+            "There is no redundant link with {}, so a wrong click in {} cannot be detected.",
             self.ids(cameras),
             enumerated(&names),
         )
@@ -412,7 +415,7 @@ impl SentenceContext<'_> {
             UnusedReason::NotVisible => {
                 "the position from the other views is not visible in one of the cameras"
             }
-            UnusedReason::SingleView => "only one camera shows it",
+            UnusedReason::SingleView => "annotated in only one camera",
             UnusedReason::UnknownLengthOrEnd => {
                 "an end has no position, or the length has neither \"sigma\" nor \"fixed\""
             }

@@ -27,7 +27,8 @@ pub(super) fn read_within(path: &Path, reach: &AllowedFiles) -> FileResult<Vec<u
     let real = path.canonicalize().map_err(|error| format!("{}: {error}", path.display()))?;
     // The checked path is also the path that is read: no link is followed in between.
     if !reach.allows(&real, |path| path.canonicalize().ok()) {
-        let why = "Outside the site's folder, not read. \u{201c}Read images again\u{201d} asks for it.";
+        let why = "Outside the site's folder, not read. To allow it, use \
+                   \u{201c}Reload images and detect edges again\u{201d}.";
         return Err(format!("{}: {why}", path.display()));
     }
     read(&real)
@@ -172,12 +173,12 @@ pub(super) fn ask(purpose: Purpose) -> Answer {
             Box::pin(async { files.await.unwrap_or_default() })
         }
         Purpose::SavePicture => {
-            let picture = dialog.set_title("Save a screenshot").add_filter("Picture", &["png"]);
+            let picture = dialog.set_title("Save a screenshot").add_filter("PNG image", &["png"]);
             let file = picture.set_file_name("view.png").save_file();
             Box::pin(async { file.await.into_iter().collect() })
         }
         Purpose::SaveReport => {
-            let page = dialog.set_title("Save the report").add_filter("Page", &["html"]);
+            let page = dialog.set_title("Save the report").add_filter("HTML page", &["html"]);
             let file = page.set_file_name("report.html").save_file();
             Box::pin(async { file.await.into_iter().collect() })
         }

@@ -1,4 +1,4 @@
-//! Desktop: files, threads, the system's chooser.
+//! Platform of the desktop: files, threads, and the file dialogs of the system.
 
 mod files;
 mod task;

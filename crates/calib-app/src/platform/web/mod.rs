@@ -1,4 +1,4 @@
-//! Browser: its replacement for files, threads and choosers, and the services of the page.
+//! Platform in the browser: files, background tasks, file dialogs, and functions of the web page.
 
 pub(crate) mod page;
 mod task;
@@ -62,7 +62,7 @@ impl Platform for Web {
 
     /// Returns an error: the browser has no files, and its database stores sites.
     fn write_quickly(path: &Path, _: &[u8]) -> FileResult<()> {
-        Err(format!("{}: the browser has no files", path.display()))
+        Err(format!("{}: the browser cannot write files", path.display()))
     }
 
     // The database of the browser dates its entries.

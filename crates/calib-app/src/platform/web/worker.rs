@@ -40,7 +40,7 @@ fn image_from_answer(answer: &Array) -> Result<RgbImage, String> {
     let bytes = Uint8Array::new(&answer.get(0)).to_vec();
     let width = answer.get(1).as_f64().unwrap_or_default() as u32;
     let height = bytes.len() as u32 / (3 * width.max(1));
-    RgbImage::from_raw(width, height, bytes).ok_or_else(|| "an image of another size".into())
+    RgbImage::from_raw(width, height, bytes).ok_or_else(|| "the image has an unexpected size".into())
 }
 
 /// Returns an image of the demonstration that was shipped with the page. A page that was saved as a single
