@@ -146,6 +146,7 @@ fn newer(editor: &Editor, camera: usize, image: &str, since: &str) -> Box<NewerI
         image: image.into(),
         title: image.into(),
         since: since.into(),
+        captured: [None, None],
         pose: *editor.session().solved.pose(camera).unwrap(),
         comparison,
     })
