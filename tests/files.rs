@@ -503,7 +503,7 @@ fn only_one_of_several_runs_writes_the_file() {
     let codes: Vec<_> = ended.iter().map(|run| run.status.code().unwrap()).collect();
     assert_eq!(codes.iter().filter(|&&code| code == 0).count(), 1, "{codes:?}");
     for run in ended.iter().filter(|run| !run.status.success()) {
-        assert!(String::from_utf8_lossy(&run.stderr).contains("out.csv exists"), "{run:?}");
+        assert!(String::from_utf8_lossy(&run.stderr).contains("out.csv already exists"), "{run:?}");
     }
 }
 

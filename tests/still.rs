@@ -104,7 +104,7 @@ fn all_cameras_of_a_list_are_written() {
     // Ids become file names, and files are not replaced silently.
     let run = scratch.calib(&still).expect_code(1);
     assert!(run.stderr.contains("--force"), "{}", run.stderr);
-    for (id, words) in [("../x", "name of a file"), ("", "empty")] {
+    for (id, words) in [("../x", "file name"), ("", "empty")] {
         list(&[[id, "a"]]);
         let run = scratch.calib(&still).expect_code(3);
         assert!(run.stderr.contains(words), "{}", run.stderr);
