@@ -172,7 +172,7 @@ async function quota() {
   await session.send("Storage.overrideQuotaForOrigin", { origin: new URL(address).origin, quotaSize: 10 });
   await desk.stroke(500);
   const state = await desk.until("an error", (state) => state.error);
-  assert.match(state.error, /no room left|could not store/);
+  assert.match(state.error, /no space left|could not store/);
   await desk.picture("quota");
   const site = path.join(scratch, "quota.json");
   await desk.download(() => desk.page.keyboard.press("Control+s"), site);
