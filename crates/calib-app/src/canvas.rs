@@ -161,8 +161,8 @@ impl Mapping {
         self.screen_of_flat(self.flat(at))
     }
 
-    /// Maps a line of the image to the screen. A window curves straight lines of the image and omits their
-    /// invisible points. In a panorama, lines continue across the seam.
+    /// Maps a polyline of the image to the screen. In a virtual view, straight lines become curves, and invisible
+    /// points are left out. In a panorama, lines continue across the seam.
     #[must_use]
     pub fn path(&self, points: &[Pixel]) -> Vec<Pos2> {
         let Some(bend) = self.bend.filter(|bend| bend.size().is_some()) else {
@@ -211,7 +211,8 @@ impl Mapping {
         }
     }
 
-    /// Maps a screen point to canvas units: undistorted pixels, window pixels or metres.
+    /// Maps a screen point to units of the canvas: undistorted pixels, pixels of a virtual view, or metres of the
+    /// floor.
     fn flat_at(&self, at: Pos2) -> [f64; 2] {
         let View { centre, zoom, .. } = self.view;
         let by = at - self.rect.center();

@@ -24,7 +24,7 @@ fn progress(site: &calib_site::Site) -> f64 {
     now.u - start.u
 }
 
-/// Runs the killed program: nudges and saves in a loop, and prints each finished step.
+/// Runs in the child process that the test kills: moves a point and saves in a loop, and prints each finished step.
 fn work(folder: &Path) {
     let mut app = App::new(&Context::default(), Some(folder.to_path_buf()));
     app.open_site(desk::demo(), Images::default(), Some(folder.join("site.json")));

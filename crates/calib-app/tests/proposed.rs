@@ -14,7 +14,8 @@ use desk::Desk;
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::Queryable as _;
 
-/// Returns the demonstration with its images, without annotations and known values.
+/// Returns the demonstration site and its images without annotations, control points, links, marks, distances,
+/// placements and lenses. Only the principal points are known.
 fn blank() -> (Site, Images) {
     let (mut site, images) = demo::open();
     (site.links, site.marks, site.distances) = Default::default();

@@ -127,7 +127,10 @@ fn prepare_folder(folder: &Path, force: bool) -> Result<(), CommandError> {
         return Err(CommandError::Failed(anyhow::anyhow!(message)));
     }
     std::fs::create_dir_all(folder).with_context(|| format!("creating {}", folder.display()))?;
-    files::write_atomically(&ours, b"This folder was written by `calib demo`, which overwrites it.\n")
+    files::write_atomically(
+        &ours,
+        b"This folder was written by `calib demo`. Another run overwrites its files.\n",
+    )
 }
 
 /// Returns the foot points of people who walk through the site, as a detector would report them in every

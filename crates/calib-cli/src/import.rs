@@ -42,8 +42,10 @@ pub(crate) fn merge(file: SiteFile, imported: Site, replaces: bool) -> Result<Si
         site.plan = Some(keep_plan_image(plan, site.plan));
     }
     if !replaces && !existing.is_empty() {
-        let what =
-            format!("already has {}; add --replace to replace lens and pose, or the plan", list(&existing));
+        let what = format!(
+            "already has {}; add --replace to replace the plan, and the lens and pose of existing cameras",
+            list(&existing)
+        );
         return Err(CommandError::invalid(path, what));
     }
     merge_ground_points(&mut site, imported.ground_points, imported.crs, &path)?;

@@ -49,7 +49,8 @@ impl PlanFile {
         };
         if overlay.image.contains("://") {
             let what = format!(
-                "the image {} is on a server; download it into the folder of the KML file",
+                "the image {} is on a server; download it to the folder of the KML file, and \
+                 name the file in the KML",
                 overlay.image
             );
             return Err(CommandError::invalid(file, what));

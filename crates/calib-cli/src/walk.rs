@@ -186,7 +186,7 @@ fn faults(limits: &Limits, names: &[String], result: &WalkResult, zones: &Zones)
     let wrong: Vec<String> = wrong.map(zone_name).collect();
     if !wrong.is_empty() {
         let list = calib_report::shortened_list(wrong.iter().map(String::as_str));
-        faults.push(format!("floor error over {} m in the zones {list}", limits.max_error_m));
+        faults.push(format!("floor error over {} m (zones: {list})", limits.max_error_m));
     }
     let walked = zones.list.iter().filter(|zone| zone.moments > 0).count() as f64;
     let share = walked / zones.list.len().max(1) as f64;

@@ -86,7 +86,7 @@ struct Objects {
 }
 
 impl Objects {
-    /// Returns the objects between two y, in metres.
+    /// Returns the objects that overlap the range of y from `from` to `to`, in metres.
     fn between(from: f32, to: f32) -> Self {
         let meets = |y0: f32, y1: f32, margin: f32| y0 - margin <= to && y1 + margin >= from;
         // The leaf of an open door is as long as its opening is wide.

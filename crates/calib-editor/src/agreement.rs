@@ -167,7 +167,8 @@ pub fn inconsistent_links(session: &Session, camera: usize) -> (usize, usize) {
     known.fold((0, 0), |(far, all), apart| (far + usize::from(apart.is_significant()), all + 1))
 }
 
-/// Overlap of the fields of view of two cameras, and distance between their positions of shared links.
+/// Overlap of the fields of view of two cameras, and distance between the positions that both compute for their
+/// shared links.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Agreement {
     /// Index of the other camera.

@@ -67,7 +67,7 @@ impl Sighting {
     }
 }
 
-/// Parameters of a movement that change heights: tilt, roll and zoom.
+/// Indices of the rotation and zoom parameters that change measured heights of people: tilt, roll and zoom.
 pub(crate) const HEIGHT_PARAMS: [usize; 3] = [PanTiltZoom::TILT, PanTiltZoom::ROLL, PanTiltZoom::ZOOM];
 /// Number of columns of image cells; derivatives are constant in a cell.
 const COLUMNS: usize = 32;

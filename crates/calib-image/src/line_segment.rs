@@ -20,7 +20,8 @@ pub struct LineSegment {
     pub ends: [Pixel; 2],
     /// Standard deviation of either end, across the edge, in pixels.
     pub sigma: f64,
-    /// Measured rise of the edge, `None` if it was not measured.
+    /// Measured sagitta of a curved edge: distance of its middle from the chord, in pixels. `None` if it was not
+    /// measured.
     #[serde(default)]
     pub rise: Option<Rise>,
 }

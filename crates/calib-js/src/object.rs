@@ -106,7 +106,7 @@ pub(crate) fn option_error(field: &str, expected: &str) -> JsError {
     JsError::new(&format!("{field}: expected {expected}"))
 }
 
-/// Period and stream of a call.
+/// Arguments of a JavaScript call: the time that selects the calibration period, and the stream.
 #[derive(Debug, Default)]
 pub(crate) struct PeriodAndStream {
     pub(crate) at: Option<String>,

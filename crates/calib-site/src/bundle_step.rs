@@ -226,7 +226,8 @@ fn bundle_cameras<'a>(entries: &[&SiteCamera], members: &[Option<Member<'a>>]) -
     cameras
 }
 
-/// Returns the index of the camera whose lens this camera shares, if both participate.
+/// Returns the index of the camera whose lens this camera shares. `None` if it shares none, or if that camera is not
+/// part of the bundle adjustment.
 fn lens_owner(entry: &SiteCamera, entries: &[&SiteCamera], members: &[Option<Member>]) -> Option<usize> {
     let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref())?;
     let owner = entries.iter().position(|other| other.id == *like)?;

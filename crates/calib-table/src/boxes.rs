@@ -109,7 +109,7 @@ impl Boxes {
         }
     }
 
-    /// Whether the user states the form, so that the table contains boxes.
+    /// Whether the user stated the form of the boxes. If so, the table must contain boxes.
     pub(crate) const fn is_stated(&self) -> bool {
         self.form.is_some()
     }

@@ -129,7 +129,8 @@ impl SightingColumns {
         Ok(Detections::Feet(numbers(batch, ["u", "v"], expected, row_name, &self.bad)?))
     }
 
-    /// Reads the person ids as numbers, row by row.
+    /// Reads the id of the person of each row. The text of the id is mapped to a number by a stable hash. `None` for
+    /// every row if there is no column for the person.
     fn people(&self, batch: &RecordBatch) -> Result<Vec<Option<u64>>, TableError> {
         let Some(name) = &self.person else { return Ok(vec![None; batch.num_rows()]) };
         let found = column(batch, name).ok_or_else(|| {

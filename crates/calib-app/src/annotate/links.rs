@@ -136,7 +136,7 @@ fn mark_fields(app: &mut App, ui: &mut Ui, index: usize, mut mark: Mark) {
         changed |= court_menu(ui, units, &mut mark.size_m);
     }
     let was_fixed = mark.fixed;
-    ui.checkbox(&mut mark.fixed, "fixed when all cameras are refined");
+    ui.checkbox(&mut mark.fixed, "keep fixed when all cameras are refined");
     if changed || was_fixed != mark.fixed {
         for size in &mut mark.size_m {
             *size = size.clamp(1e-3, 1e4);

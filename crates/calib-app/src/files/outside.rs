@@ -61,7 +61,8 @@ impl App {
         self.editor.allow_images(Here::real(file));
     }
 
-    /// Allows the images that are readable now, before the site is saved to another folder.
+    /// Allows the app to read the images of the site that are readable now, also after the site is saved to another
+    /// folder.
     pub(crate) fn keep_reach(&mut self) {
         let session = self.editor.session();
         let reach = session.images.allowed_files();

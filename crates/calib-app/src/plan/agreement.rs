@@ -73,7 +73,7 @@ fn row(app: &App, ui: &mut Ui, found: &Agreement) {
         Some(_) => palette.text,
         None => palette.text3,
     };
-    let words = format!("{id} overlap {overlap}, gap {apart}");
+    let words = format!("{id}: overlap {overlap}, gap {apart}");
     response.widget_info(|| WidgetInfo::labeled(Role::Label, true, &words));
     let sigma = found.distance.and_then(|apart| apart.sigma);
     if let Some(sigma) = sigma {
@@ -94,8 +94,8 @@ fn row(app: &App, ui: &mut Ui, found: &Agreement) {
     }
 }
 
-/// Shows the RMS distance in pixels between the floor lines of this camera and their positions by other
-/// cameras.
+/// Shows the RMS distance, in pixels, between the floor lines of this camera and their positions from the other
+/// cameras. `count` is the number of lines.
 fn lines_row(app: &App, ui: &mut Ui, px: f64, count: usize) {
     let palette = theme::palette(ui.ctx());
     let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 20.0), Sense::hover());

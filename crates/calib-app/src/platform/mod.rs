@@ -36,7 +36,7 @@ pub struct Lost;
 /// Old and new image of a camera.
 pub(crate) type Stills = [Arc<RgbImage>; 2];
 
-/// Input of the recovery of a camera.
+/// Input for the recovery of a camera that moved, from its newer image.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Recovery {
     /// Site with its solutions.

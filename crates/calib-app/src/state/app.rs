@@ -158,7 +158,7 @@ pub struct Jobs {
     pub(crate) proposing: Option<Proposing>,
     /// Comparisons that are waiting or running; only the first is running.
     pub(crate) comparing: VecDeque<Comparing>,
-    /// Recovery that is running.
+    /// Running recovery of a camera that moved, from its newer image; `None` if none is running.
     pub(crate) recovering: Option<Recovering>,
 }
 

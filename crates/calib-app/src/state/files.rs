@@ -53,7 +53,8 @@ pub struct PathField {
 /// Images that the site names outside its folder, and the decisions about them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Outside {
-    /// Files that wait for a decision, as canonical paths.
+    /// Images outside the folder of the site that the operator must still allow or refuse to read, as canonical
+    /// paths.
     pub asked: BTreeSet<PathBuf>,
     /// Files that the operator decided not to read, as canonical paths.
     pub(crate) left: BTreeSet<PathBuf>,

@@ -135,7 +135,7 @@ pub struct Layers {
     pub horizon: bool,
     /// Field-of-view polygon.
     pub field: bool,
-    /// Vertical walls on the edges of the field of view.
+    /// Whether vertical walls are painted on the edges of the field-of-view polygon.
     pub prism: bool,
     /// Person of 1.75 m at the pointer.
     pub guide: bool,
@@ -408,7 +408,7 @@ impl EllipseSize {
     /// Magnification on request.
     const MAGNIFICATION: f64 = 10.0;
 
-    /// Returns the drawn semi-axes, in standard deviations.
+    /// Returns the semi-axes of the painted uncertainty ellipses, in standard deviations, with their magnification.
     #[must_use]
     pub fn sigmas(self) -> f64 {
         Self::SIGMAS * if self.is_magnified { Self::MAGNIFICATION } else { 1.0 }

@@ -110,7 +110,9 @@ impl App {
             return;
         }
         if let Some(error) = self.pictures.error(proposing.image()) {
-            let error = format!("Automatic calibration of {camera} needs the image: {error}");
+            let error = format!(
+                "Automatic calibration of {camera} failed because the image could not be read: {error}"
+            );
             return self.act(Action::AddError(error));
         }
         let picture = self.pictures.ready(proposing.image()).map(|picture| Arc::clone(&picture.image));

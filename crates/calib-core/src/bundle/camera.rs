@@ -281,8 +281,8 @@ impl View<'_> {
         })
     }
 
-    /// Returns the residuals of the priors on the free lens parameters. Views that share the lens of another
-    /// view are not its `is_owner`; they have a prior on the principal point only.
+    /// Returns the residuals of the priors on the free lens parameters. If `is_owner` is false, the view shares the
+    /// lens of another view, and only the principal point has a prior.
     pub(crate) fn lens_prior_residuals(
         &self,
         lens: &Lens,

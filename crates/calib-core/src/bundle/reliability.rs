@@ -36,8 +36,8 @@ const DETECTABLE: f64 = 4.13;
 /// Reliability of one observation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reliability {
-    /// Redundancy number, from 0 (no other observation checks this one) to 1, for the error that moves the
-    /// floor most.
+    /// Redundancy number, from 0 to 1, of the error with the largest effect on floor positions. At 0, no other
+    /// observation checks this one.
     pub redundancy: f64,
     /// Largest root mean square move of the floor, in metres, by an error of this observation that is not
     /// detected: for an annotation the floor of its camera, for a landmark the largest move of a camera that

@@ -298,7 +298,9 @@ pub fn suggest_lines(fit: &Fit, constraints: &Constraints, options: &FitOptions)
     suggestions
 }
 
-/// Returns the candidate of one length across the near floor, measured with a tape.
+/// Returns the suggestion to enter one length on the near floor, measured with a tape. `None` if the height is fixed
+/// or known about as precisely as from a tape, if a plan or other cameras give the scale, or if the near floor is not
+/// visible.
 ///
 /// `None` if the height is fixed or known as precisely, and if a plan or other cameras give the scale.
 fn known_size(fit: &Fit, options: &FitOptions) -> Option<Candidate> {

@@ -198,8 +198,9 @@ impl Editor {
             self.newer.iter().find(|known| newer.is_same_camera(known) && newer.is_before(known))
         {
             let (title, since) = (&known.title, &known.since);
-            self.session.note =
-                Some(format!("{camera}: {became} before {since}; {title} is newer and was kept."));
+            self.session.note = Some(format!(
+                "{camera}: in an image older than {since}, {became}. The newer image {title} was kept."
+            ));
             return;
         }
         self.session.note = Some(format!("{camera}: {became}."));

@@ -21,8 +21,8 @@ pub(super) struct Measure {
     to: Option<[f64; 2]>,
     /// Points of the measurement in progress in the images; the last one follows the pointer.
     clicks: Vec<RulerClick>,
-    /// Image of the last press, which decides about its release: the shown image can change meanwhile. `None` if the
-    /// press was refused.
+    /// Image in which the button was pressed last. The release belongs to this image, even if another one is shown by
+    /// then. `None` if the press was refused.
     pressed: Option<RulerImage>,
 }
 

@@ -118,8 +118,8 @@ impl Pointer {
         }
     }
 
-    /// Returns the position in floor metres. In an image, the ray of the pixel is intersected with the
-    /// horizontal plane at `height` metres.
+    /// Returns the position of the pointer on the floor, in metres. In an image, the ray of the pixel is intersected
+    /// with the horizontal plane at `height` metres. `None` without a pose or an intersection.
     #[must_use]
     pub fn floor(&self, session: &Session, height: f64) -> Option<FloorPoint> {
         match self.pane {

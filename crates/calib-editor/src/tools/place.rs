@@ -206,7 +206,7 @@ impl PlaceDrag {
             }
             _ => format!("at {}", session.site.units.point(now.by.into(), 2)),
         };
-        format!("Release to {} {name}: {what}.  Shift: fine, Esc: cancel", self.handle.verb())
+        format!("Release to {} {name}: {what}.  Shift: slower, Esc: cancel", self.handle.verb())
     }
 }
 

@@ -198,7 +198,8 @@ pub(crate) fn chance_fraction(
     places: &[EdgeSample],
     turn: &RotationZoom,
 ) -> f64 {
-    /// Approximate displacements of the image by the wrong rotations, in pixels along u and v.
+    /// Approximate displacements of the image by the wrong rotations that are tried to measure chance matches, in
+    /// pixels along u and v.
     const WRONG_DISPLACEMENTS_PX: [[f64; 2]; 4] =
         [[37.0, 23.0], [-41.0, 29.0], [31.0, -37.0], [-29.0, -31.0]];
     let of = |aside: [f64; 2]| {

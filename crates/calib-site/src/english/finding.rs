@@ -165,7 +165,9 @@ fn advice(finding: &Finding) -> String {
             next()
         ),
         F::TwoSolutions { is_turned: true, .. } => TURNED_ADVICE.into(),
-        F::TwoSolutions { .. } => format!("Draw one more line to decide between them. {}", next()),
+        F::TwoSolutions { .. } => {
+            format!("Draw one more line to decide between the two solutions. {}", next())
+        }
         F::Weak { scale_rel: Some(scale), next, .. } | F::Unusable { scale_rel: Some(scale), next, .. }
             if next.is_none_or(|next| next.annotation == SuggestedAnnotation::KnownSize) =>
         {
@@ -340,7 +342,7 @@ const fn shared_advice(finding: &Finding) -> &'static str {
         F::UncheckedLinks { cameras, .. } if cameras.is_empty() => {
             "Click one more point of the link or mark, or draw a line."
         }
-        F::UncheckedLinks { .. } => "Add one more link between these cameras, far from the others.",
+        F::UncheckedLinks { .. } => "Add one more link between these cameras, far from the existing links.",
         F::ElementOutlier { .. } => {
             "Check that every camera marks the same object. If so, use the link or mark anyway (\"keep\")."
         }
@@ -525,8 +527,7 @@ fn lens(finding: &Finding) -> String {
 }
 
 /// Advice for pixels that are probably not square.
-const ENTER_ASPECT: &str =
-    "Enter lens.pixel_aspect: this value if round objects look squeezed in the image, 1 if they look round.";
+const ENTER_ASPECT: &str = "If round objects look squeezed in the image, enter this value as lens.pixel_aspect. If they look round, enter 1.";
 /// Advice for a roll that the verticals do not determine.
 const ANOTHER_VERTICAL: &str = "Draw another vertical, far to the side of the first, or fix lens.roll_deg.";
 /// Advice for lines that fit no camera.

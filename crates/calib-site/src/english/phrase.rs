@@ -45,7 +45,9 @@ pub(crate) fn suggestion_text(suggestion: &Suggestion) -> String {
         SuggestedAnnotation::RightAngle => {
             "A right angle near the middle of the floor, at about 45\u{b0} to the view,"
         }
-        SuggestedAnnotation::EqualLengths => "Three floor segments of equal length, near, far and across,",
+        SuggestedAnnotation::EqualLengths => {
+            "Three floor segments of equal length (near, far, and across the view)"
+        }
         SuggestedAnnotation::SharedPoints => {
             "Linking four floor points to another camera that also shows them"
         }
