@@ -1,4 +1,7 @@
-//! Mapping between a document and its canvas on the screen: pan, zoom, undistortion and fisheye windows.
+//! Mapping between an image or the plan and its canvas on the screen: pan, zoom, undistortion and fisheye windows.
+//!
+//! Document points are raw pixels of an image, or floor metres on the plan. Canvas points are document points after
+//! undistortion or after projection into a fisheye window. Screen points are points of the user interface.
 
 use calib_core::{Lens, Pixel, UndistortedPixel, Window};
 use egui::{Pos2, Rect, Vec2};
@@ -15,7 +18,8 @@ pub struct View {
     pub y_up: bool,
 }
 
-/// View of a canvas in its rectangle; maps document points to the screen and back.
+/// Pan and zoom of a canvas with its rectangle on the screen. Maps document points (raw pixels of an image, or floor
+/// metres on the plan) to the screen and back.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mapping {
     /// Pan and zoom of the canvas.
@@ -109,8 +113,8 @@ const FLOOR_ZOOM: (f64, f64) = (0.01, 1e4);
 const ZOOM_RANGE: std::ops::RangeInclusive<f64> = 1e-4..=1e5;
 
 impl View {
-    /// Returns the view that shows the area from `low` to `high`, in canvas units, completely. With `fill`,
-    /// the middle of the area fills the whole rectangle.
+    /// Returns the view that shows the whole area from `low` to `high`, in canvas units. With `fill`, the area covers
+    /// the whole rectangle instead, and parts of it may be cut off.
     #[must_use]
     pub fn of(low: [f64; 2], high: [f64; 2], rect: Rect, y_up: bool, fill: bool) -> Self {
         let size = [(high[0] - low[0]).abs().max(1e-6), (high[1] - low[1]).abs().max(1e-6)];
@@ -139,8 +143,8 @@ impl Mapping {
         Self { view, rect, bend: None }
     }
 
-    /// Maps a document point to canvas units: undistorted pixels, window pixels or metres. A point outside a
-    /// window is mapped far away.
+    /// Maps a document point to canvas units: undistorted pixels, window pixels or metres. A point that a fisheye
+    /// window does not show is mapped far outside the canvas.
     #[must_use]
     pub fn flat(&self, at: [f64; 2]) -> [f64; 2] {
         /// Canvas position of points that a window does not show, far outside every canvas.
@@ -149,13 +153,13 @@ impl Mapping {
         self.flat_through_bend(at).unwrap_or(if is_window { FAR_OFF_CANVAS } else { at })
     }
 
-    /// Maps a document point through the undistortion or the window; `None` without one, or if it does not
-    /// map the point.
+    /// Maps a raw pixel through the undistortion or the fisheye window. `None` if the canvas has neither of them, or
+    /// if the pixel cannot be mapped.
     fn flat_through_bend(&self, at: [f64; 2]) -> Option<[f64; 2]> {
         self.bend.and_then(|bend| bend.canvas_from_raw(at.into()))
     }
 
-    /// Maps a document point to the screen.
+    /// Maps a document point (raw pixel of the image, or floor metres on the plan) to the screen.
     #[must_use]
     pub fn screen(&self, at: [f64; 2]) -> Pos2 {
         self.screen_of_flat(self.flat(at))
@@ -187,20 +191,22 @@ impl Mapping {
         self.rect.center() + Vec2::new(clamp(dx), clamp(dy))
     }
 
-    /// Maps a screen point to document units. A point without a pixel is mapped off the image.
+    /// Maps a screen point to a document point: a raw pixel of the image, or floor metres on the plan. In a fisheye
+    /// window, a screen point outside the image is mapped to a pixel far outside the image.
     #[must_use]
     pub fn document(&self, at: Pos2) -> [f64; 2] {
         self.bent_at(at).map_or_else(|| self.off_image(at), Into::into)
     }
 
-    /// Maps a screen point to the raw pixel that an undistorted image or a window shows there. Returns `None`
-    /// without a pixel, and for canvases without undistortion.
+    /// Maps a screen point to the raw pixel that an undistorted image or a fisheye window shows there. `None` if it
+    /// shows no pixel there, and on all other canvases.
     #[must_use]
     pub fn bent_at(&self, at: Pos2) -> Option<Pixel> {
         self.bend.and_then(|bend| bend.raw_from_canvas(self.flat_at(at)))
     }
 
-    /// Returns a document point off the image for a screen point without a pixel.
+    /// Returns the document point for a screen point that `bent_at` does not map. In a fisheye window it is a pixel
+    /// far outside the image. On other canvases it is the canvas point.
     fn off_image(&self, at: Pos2) -> [f64; 2] {
         match self.bend {
             Some(Bend::Window { lens, .. }) => {
@@ -219,7 +225,8 @@ impl Mapping {
         [centre[0] + f64::from(by.x) / zoom, centre[1] + self.view.sign() * f64::from(by.y) / zoom]
     }
 
-    /// Converts a distance in screen points to document units.
+    /// Converts a distance on the screen, in points, to raw pixels of the image or to metres on the plan. In a
+    /// fisheye window the result is approximate.
     #[must_use]
     pub fn units(&self, points: f32) -> f64 {
         let units = f64::from(points) / self.view.zoom;

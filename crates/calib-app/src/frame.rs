@@ -82,7 +82,7 @@ impl App {
         }
     }
 
-    /// Restarts the blinking when the most suspicious line changes.
+    /// Restarts the blinking when the first rejected line (outlier) of the current camera changes.
     fn watch_suspect(&mut self, ui: &Ui) {
         let camera = self.editor.session().camera;
         let suspect = self.editor.session().solution().and_then(|solution| {

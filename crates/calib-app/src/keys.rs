@@ -1,4 +1,4 @@
-//! Conversion between keys of the window and keys of the document.
+//! Conversion between the key types of `calib_editor` and of egui.
 
 use calib_editor::{Key, Modifiers, Shortcut};
 use egui::{Context, KeyboardShortcut};
@@ -6,20 +6,21 @@ use egui::{Context, KeyboardShortcut};
 use crate::command::{self, Command};
 use crate::platform::{Here, Platform as _};
 
-/// Converts the modifier keys from the window to the document.
+/// Converts modifier keys from egui to `calib_editor`.
 pub(crate) const fn held(modifiers: egui::Modifiers) -> Modifiers {
     let egui::Modifiers { alt, ctrl, shift, mac_cmd: _, command } = modifiers;
     Modifiers { shift, ctrl, alt, command }
 }
 
-/// Converts a key of the document to a key of the window.
+/// Converts a key from `calib_editor` to egui.
 #[must_use]
 pub fn key(key: Key) -> egui::Key {
     // A test checks that every key has a counterpart.
     egui::Key::from_name(key.name()).unwrap_or(egui::Key::F35)
 }
 
-/// Converts the shortcut of a command from keys of the document to keys of the window.
+/// Converts the shortcut of a command from `calib_editor` to egui. Where the system reserves Ctrl+N, the shortcut of
+/// a new site also needs Alt.
 #[must_use]
 pub fn shortcut(command: Command, keys: Shortcut) -> KeyboardShortcut {
     let Modifiers { shift, ctrl, alt, command: cmd } = keys.modifiers;

@@ -143,7 +143,8 @@ fn handle_press(
     send_pointer(app, ui, key, mapping, at, Phase::Press, modifiers);
 }
 
-/// Returns the capture time of the image at a screen point, if its camera has a newer image.
+/// Returns the capture time of the image at a screen point: the newer or the calibrated image, whichever the canvas
+/// shows there. `None` if it is unknown, or if the camera has no newer image.
 fn captured_under(app: &App, key: (Place, Pane), at: Pos2) -> Option<String> {
     let Pane::Image(camera) = key.1 else { return None };
     let [old, new] = &app.editor.newer(camera)?.captured;

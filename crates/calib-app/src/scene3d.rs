@@ -201,8 +201,8 @@ fn paint_camera(
     }
 }
 
-/// Returns the outline of the image at a distance from the camera, in metres. The outline is the rim of the
-/// image circle if the corners are dark, otherwise the four corners.
+/// Returns the outline of the image at a distance from the camera, in metres: its four corners. If the lens does not
+/// map a corner, the outline is the rim of the image circle.
 fn frustum(entry: &SiteCamera, pose: &Camera, distance: f64) -> Vec<WorldPoint> {
     /// Number of points on the rim of an image circle.
     const RIM_POINTS: u32 = 48;

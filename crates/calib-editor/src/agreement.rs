@@ -35,7 +35,7 @@ impl LinkDistance {
 }
 
 /// Returns the distance between the floor positions of a point link, for the pair of cameras with the most
-/// significant distance. `None` with fewer than two placed cameras.
+/// significant distance. `None` for other links, and with fewer than two placed cameras.
 #[must_use]
 pub fn link_distance(session: &Session, link: &Link) -> Option<LinkDistance> {
     if link.kind != LinkKind::Point {

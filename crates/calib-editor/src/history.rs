@@ -146,7 +146,8 @@ struct Step {
     after: Snapshot,
     /// Undecided automatic calibrations after the gesture.
     proposed: Arc<Vec<PendingCalibration>>,
-    /// Serial number of the joint result from which the site was derived after the gesture.
+    /// Serial number of the joint result on which the site is based after the gesture, even if edits have made the
+    /// result out of date. `None` without a joint result.
     joint: Option<u64>,
 }
 
@@ -232,8 +233,8 @@ impl History {
         true
     }
 
-    /// Joins the last step with the one before it. `name` gives the name of the joined step from the number of cameras
-    /// that it added.
+    /// Joins the last step with the step before it. `name` returns the name of the joined step; its argument is the
+    /// number of cameras that both steps added.
     pub(crate) fn join_last(&mut self, name: impl FnOnce(usize) -> String) {
         let Some(before) = self.done.checked_sub(2) else { return };
         let earlier = before.checked_sub(1).map_or(&self.first, |index| &self.steps[index].after);

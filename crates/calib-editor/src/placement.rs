@@ -17,8 +17,8 @@ impl Session {
         Some(Placement { scale, ..entry.placement() })
     }
 
-    /// Sets the placement of a camera; its fixed components stay marked as fixed. If only the position or
-    /// rotation changes, no scale is entered.
+    /// Sets the placement of a camera; its fixed components stay marked as fixed. The scale is stored only if it
+    /// changes, or if it was stored before.
     pub fn place(&mut self, index: usize, placement: Placement) {
         let is_scaled =
             self.placement(index).is_none_or(|now| (placement.scale / now.scale - 1.0).abs() > 1e-9);

@@ -28,7 +28,7 @@ pub struct PendingGroup {
     pub lines: Vec<Vec<Pixel>>,
     /// Probability that a line belongs to the group, for each line in order.
     pub probabilities: Vec<f64>,
-    /// Class of the edge of a line, for each line in order.
+    /// Location of the edge (on the floor, above it, or undetermined), for each line in order.
     pub classes: Vec<EdgeClass>,
 }
 

@@ -79,13 +79,14 @@ pub struct Revision {
 /// State of solving during editing.
 #[derive(Clone, Debug)]
 pub struct LiveSolve {
-    /// Poses at the last finished gesture: the reference for polygons that keep their position.
+    /// Poses at the last finished gesture. They are the reference for keeping the field-of-view polygons in place on
+    /// the plan when the orientation of a camera changes.
     pub(crate) settled: Vec<Option<Camera>>,
     /// Cameras at the last finished gesture: the inputs of the poses in `settled`.
     pub(crate) settled_cameras: Vec<Arc<SiteCamera>>,
     /// Number of slow solves that may still run in this frame; `None` (unlimited) if no frame was begun.
     pub(crate) solves_left: Option<u32>,
-    /// Whether a gesture ended without being solved.
+    /// Whether the last gesture was not solved yet, because a slow solve had already run in the frame.
     pub(crate) is_solve_postponed: bool,
     /// Whether the joint result was current at the last finished gesture.
     pub(crate) was_joint_current: bool,
@@ -124,7 +125,8 @@ pub struct Session {
     pub revision: Revision,
     /// State of solving during editing.
     pub live: LiveSolve,
-    /// Number of undo steps after the last added image.
+    /// Number of undo steps right after the last image was added; `None` if no image was added. A different current
+    /// number shows that the site was changed since.
     pub(crate) added_at: Option<usize>,
 }
 
@@ -275,8 +277,9 @@ impl Session {
         self.solved.pose(self.camera)
     }
 
-    /// Solves the cameras whose inputs changed. A polygon that was placed by hand keeps its position on the
-    /// plan when the stage 1 solution changes. Returns whether any camera was solved.
+    /// Solves the cameras whose inputs changed. If the roll, pitch or focal length of a camera with an unfixed
+    /// placement changes, its field-of-view polygon keeps its position on the plan. Returns whether any camera was
+    /// solved.
     pub fn solve(&mut self) -> bool {
         let changed = self.solved.update(&self.site);
         if changed && self.keep_polygons() {
@@ -450,8 +453,8 @@ impl Session {
         self.revision.generation == self.revision.saved
     }
 
-    /// Returns the vertical edges of a camera's prism as world polylines. They are at the annotated corners
-    /// only, not at the other points of a curved outline.
+    /// Returns the vertical edges of the prism above a camera's field of view, as world polylines in metres. They are
+    /// at the annotated corners only, not at the other points of a curved outline.
     #[must_use]
     pub fn prism_edges(&self, index: usize) -> Vec<calib_core::Polyline> {
         let drawn = self.site.cameras.get(index).and_then(|camera| camera.efov_px.as_ref());

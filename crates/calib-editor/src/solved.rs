@@ -26,7 +26,8 @@ struct LensFamily {
     map: (Option<String>, Option<Georeference>),
     /// Marks whose points may determine one of the cameras.
     marks: Vec<Mark>,
-    /// For each camera: whether the site has metric coordinates without it.
+    /// For each camera: whether the site has coordinates independent of it, from a plan, a georeference, a fixed mark
+    /// or another camera.
     measured: Vec<bool>,
     lenses: LensCache,
 }
@@ -64,8 +65,8 @@ fn marks<'a>(site: &'a Site, family: &'a [usize]) -> impl Iterator<Item = &'a Ma
     site.marks.iter().filter(move |mark| !mark.off && mark.seen.iter().any(|seen| is_own(&seen.camera)))
 }
 
-/// Returns the inputs of a mark on which cameras solved separately depend. Its position on the floor is no such
-/// input.
+/// Returns the inputs of a mark that affect the separate solution of a camera: kind, height of the foot in metres,
+/// dimensions in metres, and observations. The position on the floor has no effect.
 fn shape_inputs(mark: &Mark) -> (MarkKind, f64, &[f64], &[MarkObservation]) {
     (mark.kind, mark.at_m.z, &mark.size_m, &mark.seen)
 }
@@ -103,7 +104,8 @@ pub struct Solved {
     entries: Vec<Entry>,
     /// Joint results, each with its serial number.
     joint: Vec<(u64, Joint)>,
-    /// Serial number of the joint result from which the site is derived, even if it is out of date.
+    /// Serial number of the joint result on which the site is based, even if edits have made the result out of date.
+    /// `None` without a joint result.
     lineage: Option<u64>,
     /// Joint result that applies to the site, even if it is out of date.
     active_joint: Option<ActiveJoint>,

@@ -11,8 +11,8 @@ use calib_site::{
 
 use crate::session::Session;
 
-/// Returns the subject of a warning about the whole site from a joint solve. Joint results contain warnings
-/// only as text, so the subject is that of the possible finding with the same text.
+/// Returns the camera, link, mark or other subject of a warning about the whole site; `None` if it is not recognised.
+/// A joint result contains warnings only as text, which is compared with the texts of all possible findings.
 #[must_use]
 pub fn site_subject(site: &Site, report: &Report, warning: &Warning) -> Option<Subject> {
     let matches_warning = |finding: &Finding| {

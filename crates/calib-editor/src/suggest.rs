@@ -81,8 +81,8 @@ fn is_long_enough(edge: &Edge, example: &Edge) -> bool {
     edge[0].distance(edge[1]) >= MIN_LENGTH_REL * example[0].distance(example[1])
 }
 
-/// Returns the standard deviation of directions according to the estimated camera, in radians, limited to a
-/// maximum. Few lines determine directions poorly.
+/// Returns the standard deviation of the camera's pitch, in radians, limited to a maximum; 0 if it is unknown. It is
+/// added to the tolerances of directions.
 fn direction_sigma(camera: &Camera) -> f64 {
     /// Largest standard deviation that is returned, in radians.
     const MAX_DIRECTION_SIGMA_RAD: f64 = 0.3;

@@ -15,7 +15,7 @@ use crate::widgets::{heading, length_field, number};
 
 /// Choice of the operator in the menu of usual sizes.
 pub(crate) enum SizeChoice {
-    /// Size of a usual object from the table of usual sizes.
+    /// Typical size of a common object, such as a door, from the table `USUAL_SIZES`.
     Like(&'static UsualSize),
     /// Current size of the annotation, kept as a measured length or height in metres.
     Measured(Known),
@@ -264,8 +264,8 @@ fn is_selected(app: &App, index: usize) -> bool {
     app.editor.session().selection.iter().any(is_own)
 }
 
-/// Shows, for every point of the selected straight edge, its deviation from a straight line. The deviation is
-/// measured in pixels of the undistorted image and shows wrong points.
+/// Shows the deviation of every point of the selected straight edge from a straight line, in pixels of the
+/// undistorted image. A large deviation identifies a misplaced point.
 fn point_rows(app: &App, ui: &mut Ui, line: &Line<'_>) {
     let session = app.editor.session();
     let is_own = |part: &Part| match *part {

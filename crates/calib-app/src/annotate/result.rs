@@ -103,7 +103,8 @@ impl Number {
         }
     }
 
-    /// Returns the value of the quantity and its sigma, both in the unit of the site file.
+    /// Returns the value of the quantity and its sigma, both in the unit of the site file. The value is `None` if the
+    /// solution does not contain it, the sigma if it is unknown.
     fn value_and_sigma(self, solution: &Solution) -> Option<(f64, Option<f64>)> {
         let sigma = solution.sigma.as_ref();
         Some(match self {
@@ -259,7 +260,7 @@ fn number_row(app: &mut App, ui: &mut Ui, solution: &Solution, which: Number) {
     }
 }
 
-/// Rounds a number that becomes fixed to `digits` decimals plus one.
+/// Rounds a number that the operator fixes. `digits` is the number of displayed decimals; one more decimal is kept.
 pub(crate) fn held_at(value: f64, digits: usize) -> f64 {
     let digits = 10_f64.powi(digits as i32 + 1);
     (value * digits).round() / digits
@@ -375,7 +376,8 @@ fn lens_row(ui: &mut Ui, solution: &Solution) {
     }
 }
 
-/// Shows the accuracy of lengths on the floor. While the scale is unknown, only their ratios have one.
+/// Shows the relative standard deviation of lengths on the floor, in percent. While the scale is unknown, it applies
+/// only to the ratio of two lengths.
 fn floor_row(ui: &mut Ui, solution: &Solution, is_scaled: bool) {
     let palette = theme::palette(ui.ctx());
     let Some(rel) = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel) else { return };

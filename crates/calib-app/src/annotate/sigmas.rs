@@ -55,8 +55,8 @@ pub(crate) fn sigmas_ui(app: &mut App, ui: &mut Ui) {
     app.send(Action::Change { site: Box::new(changed), name: "change the accuracy of the scene".into() });
 }
 
-/// Shows a list of scene kinds; returns the chosen scene. `usual` is the first list entry; its errors are
-/// `unsaid`.
+/// Shows a list of scene kinds; returns the chosen scene, `None` for the first entry of the list. `usual` is this
+/// first entry, and `unsaid` contains the errors that apply while it is chosen.
 fn scene_choice(
     ui: &mut Ui,
     title: &str,

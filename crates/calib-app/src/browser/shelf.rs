@@ -99,7 +99,7 @@ struct StoredImage {
 struct State {
     entries: Vec<Entry>,
     news: VecDeque<News>,
-    /// Id of the open site; `None` before its first gesture.
+    /// Id of the open site in the database; `None` until the site is first stored.
     own: Option<String>,
     /// Last known number of writes of every stored site, by its id.
     revisions: BTreeMap<String, u32>,

@@ -68,7 +68,8 @@ pub(crate) fn slide(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, (w
     }
 }
 
-/// Returns the screen x from which the newer image is visible. It is infinite if only one image is visible.
+/// Returns the screen x of the left border of the visible newer image. It is +∞ if only the old image is visible, and
+/// −∞ if only the newer image is visible.
 fn split(glance: Glance, painter: &Painter, mapping: &Mapping, width: f64) -> f32 {
     match glance.showing {
         Showing::Wipe => mapping.screen([width * f64::from(glance.share), 0.0]).x,

@@ -116,7 +116,8 @@ impl App {
         self.view.panes.views.clear();
     }
 
-    /// Returns the position and the scale of the existing plan for a newer one of the same size and scale.
+    /// Returns the entry of the existing plan for a new plan image that replaces it, with a note. `None` if the new
+    /// image has another size, scale or origin.
     fn kept_scale(&self, new: &ReadPicture) -> Option<(Plan, String)> {
         let old = self.plan_picture().filter(|old| old.size() == new.still.size)?;
         let plan = self.editor.site().plan.clone()?;
@@ -248,7 +249,8 @@ impl App {
         }
     }
 
-    /// Returns an image that was read, for the site. A rasterised drawing is stored in the site as PNG.
+    /// Converts an image that was read to an image for the site. A rasterised SVG drawing is first stored in the site
+    /// as PNG.
     pub(crate) fn stored(&mut self, picture: ReadPicture) -> NewImage {
         let ReadPicture { still, drawn, .. } = picture;
         let Some(png) = drawn else { return still };
@@ -259,8 +261,8 @@ impl App {
 }
 
 impl App {
-    /// Imports lenses, cameras and points from files of other programs: all files together, or else the files of each
-    /// file type together.
+    /// Imports lenses, cameras and points from files of other programs. If no format accepts all files together, the
+    /// files are grouped by their file name extension. Each group is then imported separately.
     pub(crate) fn import(&mut self, chosen: Vec<Chosen>) {
         let files: Vec<File> = chosen.into_iter().filter_map(|file| self.read_importable(file)).collect();
         let Some(first) = files.first() else { return };

@@ -23,7 +23,7 @@ enum FileKind {
     Drawing,
     /// Image.
     Image,
-    /// Image or video that cannot be read, with the reason and a way out.
+    /// Image or video that cannot be read; contains the reason, with advice for the operator.
     Refused(String),
     /// File of another program, or a table of points.
     Other,
@@ -84,8 +84,8 @@ impl App {
     /// Opens chosen or dropped files and folders.
     ///
     /// A site is opened with its images. Without a site, images become cameras, or the plan if the plan is shown
-    /// and the site has none. Images with a world file and drawings become the plan. Other files are imported once
-    /// these are read.
+    /// and the site has none. Images with a world file and drawings become the plan. Other files are imported after
+    /// the images and the plan are read.
     pub fn open_files(&mut self, ctx: &Context, files: Vec<Chosen>) {
         let files = self.without_folders(files);
         let mut kinds: Vec<(FileKind, Chosen)> =
@@ -126,7 +126,8 @@ impl App {
         files.into_iter().for_each(|file| self.add_still(ctx, file));
     }
 
-    /// Imports the files that waited for images and plans: a lens belongs to the camera of its image.
+    /// Imports the waiting files once all images and the plan are read. The cameras of these images then exist, so
+    /// that imported lenses can be assigned to them.
     pub(crate) fn poll_imports(&mut self) {
         let is_ready = self.jobs.adding.is_empty() && self.jobs.planning.is_none();
         if is_ready && !self.jobs.importing.is_empty() {

@@ -269,7 +269,7 @@ impl App {
         }
     }
 
-    /// Writes the site file and remembers its state.
+    /// Writes the site file, and stores its hash and content to detect later changes of the file by other programs.
     fn write_to(&mut self, path: PathBuf) {
         let session = self.editor.session();
         let solved = session.solved.write_into(&session.site);

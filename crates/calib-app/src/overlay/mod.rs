@@ -69,7 +69,7 @@ pub struct Overlay<'a> {
     pub holding: bool,
     /// Whether an annotation is being drawn; layers that could hide the edge are not shown then.
     pub drawing: bool,
-    /// Time since the most suspicious line changed, in seconds; determines its blinking.
+    /// Time since the first rejected line (outlier) changed, in seconds; determines its blinking.
     pub time: f64,
     /// Cameras that fit the annotations as well as the solution.
     pub family: Option<&'a Family>,
@@ -187,7 +187,7 @@ impl Overlay<'_> {
         layers.into_iter().filter_map(|(is_shown, layer)| is_shown.then_some(layer)).collect()
     }
 
-    /// Paints drawing items with the appearance of their meaning.
+    /// Paints lines, points and labels. The `Meaning` of an item determines its colour and line style.
     pub(crate) fn paint_items(&self, painter: &Painter, items: &[Item<Pixel>]) {
         for item in items {
             match (&item.geometry, item.meaning) {
@@ -250,7 +250,8 @@ impl Overlay<'_> {
         }
     }
 
-    /// Whether a wrong click of a link in this view may stay undetected.
+    /// Whether an error of this link's click in the shown camera may stay undetected, because too few other
+    /// observations check it.
     fn is_link_unchecked(&self, link: usize) -> bool {
         self.session.solved.is_link_unchecked(&self.session.site, link, self.camera)
     }
@@ -373,7 +374,8 @@ impl Overlay<'_> {
     }
 }
 
-/// Returns the effect of a suggestion as text: the floor error after it, in percent.
+/// Returns the label of a suggested line: its kind, and the predicted relative floor error after it is drawn, in
+/// percent.
 fn suggestion_text(next: &SuggestionEntry, kind: Kind) -> String {
     let gain = 100.0 * next.floor_length_rel;
     format!("{} here: floor error drops to \u{b1} {gain:.1} %   N", kind.row().title.to_lowercase())
@@ -391,8 +393,8 @@ fn diamond(painter: &Painter, at: Pos2, colour: Color32, is_filled: bool) {
     painter.circle_filled(at, 1.25, colour);
 }
 
-/// Returns a grid step in metres, 1, 2, 5, 10, … units of the site. The cells of the polygon stay
-/// distinguishable.
+/// Returns the step of the floor grid, in metres: 0.5, 1, 2, 5, 10, … units of the site. The diagonal of the bounding
+/// box of `polygon` has fewer than 30 cells.
 #[must_use]
 pub fn grid_step(polygon: &[calib_core::FloorPoint], units: Units) -> f64 {
     calib_draw::grid_step(polygon, units, 30.0)

@@ -1,5 +1,5 @@
-//! Fields of a plan from a drawing: page and paper scale of a PDF, unit and layers of a DXF. Also the corners that
-//! attract the pointer.
+//! Fields of a plan from a drawing: page and paper scale of a PDF, unit and layers of a DXF. Also snapping of clicks
+//! on the plan to corners of the drawing.
 
 use calib_core::PlanPixel;
 use calib_editor::{Action, TOOLS, plan_scale};
@@ -17,8 +17,8 @@ const UNITS: [(&str, f64); 5] =
 /// Titles of the tools whose clicks on the plan snap to corners of the drawing.
 const SNAPPING_TOOLS: [&str; 4] = ["Control point", "Measure", "Area of interest", "Wall"];
 
-/// Shows the fields of a drawing; returns the name of the change, for the history. Not inlined: the page loads it
-/// with its second part.
+/// Shows the fields of a drawing. Returns the name of the undo step if a field was changed. The function is not
+/// inlined, so that the web build can load it later, in the second part of the program.
 #[inline(never)]
 pub(super) fn fields(ui: &mut Ui, drawing: &DrawingFacts, plan: &mut Plan) -> Option<&'static str> {
     let mut changed = None;
@@ -184,8 +184,8 @@ fn add_walls(app: &mut App, layer: &Layer, states_unit: bool) {
     app.send(Action::Note(note));
 }
 
-/// Returns the corner of the drawing within `radius` metres of a point of the plan, in metres, if the current tool
-/// snaps to corners.
+/// Returns the corner of the drawing nearest to a floor point; all values are in metres. `None` without a corner
+/// within `radius`, or if the current tool does not snap to corners.
 #[inline(never)]
 pub(crate) fn snapped(app: &App, at: [f64; 2], radius: f64) -> Option<[f64; 2]> {
     let title = TOOLS.get(app.editor.tool_row())?.title;

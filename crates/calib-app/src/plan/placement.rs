@@ -153,7 +153,7 @@ fn field(
     .inner
 }
 
-/// Shows the values that stage 1 determines, independent of the placement.
+/// Shows pitch, roll and focal length. They are results of stage 1 and do not depend on the placement.
 fn from_stage_1(app: &mut App, ui: &mut Ui) {
     let Some(solution) = app.editor.session().solution().cloned() else { return };
     ui.add_space(4.0);

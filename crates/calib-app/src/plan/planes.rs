@@ -118,8 +118,8 @@ impl Quantity {
         }
     }
 
-    /// Returns the value and the sigma of a parameter that the operator has just made known, in metres or
-    /// degrees.
+    /// Returns the initial value and sigma of a parameter that the operator changes from "unknown" to another state,
+    /// in metres or degrees.
     const fn initial_value_and_sigma(self) -> [f64; 2] {
         match self {
             Self::Height => [0.0, 0.02],

@@ -75,9 +75,10 @@ pub struct Hover {
     pub lit: Option<(usize, usize)>,
     /// Index of the group of the automatic calibration whose table row is under the pointer.
     pub lit_group: Option<usize>,
-    /// Time at which the most suspicious line changed, in seconds; the line blinks from then on.
+    /// Time at which `suspect` changed, on the clock of egui in seconds. The line blinks from this time.
     pub suspect_since: f64,
-    /// Most suspicious line at the last frame, as camera, annotation and segment.
+    /// First rejected line (outlier) of the current camera in the last frame: indices of camera, annotation and
+    /// segment. `None` without an outlier.
     pub(crate) suspect: Option<(usize, usize, usize)>,
     /// Whether a text field had the focus at the end of the last frame.
     pub(crate) was_typing: bool,
@@ -119,7 +120,7 @@ pub struct Storage {
     pub shelf: Option<Box<dyn Shelf>>,
     /// Autosave slot of this window.
     pub(crate) autosave: Option<Autosave>,
-    /// Hash of the site file when it was last read or written.
+    /// Hash of the site file when it was last read or written; `None` if the site has no file or the hash is unknown.
     pub(crate) held: Option<u64>,
     /// Content of the site file when it was last read or written.
     pub(crate) as_held: Option<Site>,
@@ -127,7 +128,7 @@ pub struct Storage {
     pub(crate) folder: Option<PathBuf>,
     /// Locks of autosave folders that keep other windows from using them while this window is open.
     pub(crate) claims: Vec<(PathBuf, <Here as Platform>::Claim)>,
-    /// Generation of the site at the last autosave.
+    /// Value of `Revision::generation` (number of gestures that changed the site) at the last autosave.
     pub(crate) kept: u64,
 }
 
@@ -144,7 +145,8 @@ pub struct Jobs {
     pub(crate) adding: Vec<Task<Read>>,
     /// Files of other programs, which are imported once images and plans are read.
     pub(crate) importing: Vec<Chosen>,
-    /// Whether an image of those that are added together has become a camera.
+    /// Whether a camera was already added for one of the images that were opened together. The cameras of the other
+    /// images then join its undo step.
     pub(crate) has_added: bool,
     /// Camera period whose image is being replaced.
     pub(crate) replaced: Period,
@@ -484,7 +486,8 @@ impl App {
         EllipseSize { is_magnified: self.view.magnified }
     }
 
-    /// Returns the suggestion for the current camera, as long as its floor error is too large.
+    /// Returns the annotation that is suggested next for the current camera. `None` without a suggestion, if the
+    /// layer is hidden, or if the floor error of the camera is already small.
     #[must_use]
     pub fn proposal(&self) -> Option<&SuggestionEntry> {
         /// Relative floor error below which no more lines are suggested.

@@ -10,7 +10,7 @@ use calib_site::{CoverageOptions, FloorRectangle, Site, SiteCamera, SiteCoverage
 /// Quantity by which the floor is coloured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Shading {
-    /// Level that the best camera reaches.
+    /// Level, such as "recognise", of the highest pixel density that any camera has at a floor point.
     #[default]
     Level,
     /// Number of cameras.
@@ -37,8 +37,8 @@ pub struct ShownCoverage {
 struct ImageBorders {
     /// Index of the camera.
     camera: usize,
-    /// Camera above world (0, 0) with yaw 0, size of its image, and height of the targets, from which the borders were
-    /// computed, and limits of the levels.
+    /// Inputs of the borders: camera with x = y = 0 and yaw 0, image size in pixels, height of the targets in metres,
+    /// and limits of the levels. Position on the floor and yaw do not affect the borders.
     inputs: (Camera, [f64; 2], f64, LevelLimits),
     borders: Vec<ShownBorder>,
 }
@@ -55,8 +55,8 @@ pub(crate) struct ShownBorder {
 impl ShownBorder {
     /// Places the label at the pixel of the border that is nearest to the middle of the image's `width`.
     fn new(border: DensityBorder, pose: &Camera, limits: &LevelLimits, width: f64, height: f64) -> Self {
-        /// Largest difference from the limit of the level, as a share: beyond it, the pixel is on the edge of the
-        /// visible floor.
+        /// Largest relative difference of the pixel density from the limit of the level. At a larger difference, the
+        /// pixel is on the edge of the visible floor.
         const MAX_DIFFERENCE: f64 = 0.01;
         let limit = limits.of(border.level);
         let target = |pixel: Pixel| {
@@ -95,7 +95,7 @@ struct Inputs {
     shading: Shading,
 }
 
-/// Coverage of a site, without references to it.
+/// Coverage of a site. It contains no references to the site and stays available while the site is edited.
 #[derive(Debug)]
 pub(crate) struct Computed {
     /// Coloured rectangles of the visible floor.
@@ -104,7 +104,7 @@ pub(crate) struct Computed {
     density: Vec<f64>,
     best: Vec<Option<usize>>,
     seen_by: Vec<usize>,
-    /// Ids of the cameras of `best`.
+    /// Ids of the cameras; `best` contains indices of this list.
     cameras: Vec<String>,
     pub(crate) limits: LevelLimits,
     /// Hand-over zones, the largest first.
@@ -170,7 +170,8 @@ impl Inputs {
 }
 
 impl Inputs {
-    /// Returns the distance of the grid points, in metres: the layer follows a dragged camera without delay.
+    /// Returns the distance between the grid points, in metres. It limits the number of points, so that the display
+    /// follows a dragged camera without delay. `None` if the cameras see no floor.
     fn step(&self) -> Option<f64> {
         /// Largest number of grid points.
         const MAX_POINTS: f64 = 25_000.0;

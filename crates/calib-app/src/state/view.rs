@@ -39,13 +39,14 @@ pub enum Place {
 pub struct Panes {
     /// Pan and zoom of each canvas.
     pub views: HashMap<(Place, Pane), View>,
-    /// Pan and zoom of each canvas that fit the document, as last computed.
+    /// Pan and zoom at which each canvas shows its whole image or plan, as last computed.
     pub(crate) fitted: HashMap<(Place, Pane), View>,
     /// Name of the plan image that was shown last.
     pub(crate) plan: Option<String>,
     /// Whether the window has room for fewer tiles than there are cameras.
     pub tiles_overflow: bool,
-    /// Canvas under the pointer, and the position of the pointer in document units.
+    /// Canvas under the pointer, and the position of the pointer: in raw pixels of the image, or in floor metres on
+    /// the plan.
     pub cursor: Option<(Pane, [f64; 2])>,
     /// Canvas that receives the pointer while a button is down.
     pub(crate) captured: Option<(Place, Pane)>,
@@ -93,7 +94,8 @@ impl Panes {
         self.bends.clear();
     }
 
-    /// Returns the zoom at which the whole document is shown; infinite if it has not been shown yet.
+    /// Returns the zoom at which the whole image or plan is visible, in screen points per canvas unit. It is infinite
+    /// before the canvas is first shown.
     pub(crate) fn fitted_zoom(&self, key: (Place, Pane)) -> f64 {
         self.fitted.get(&key).map_or(f64::INFINITY, |view| view.zoom)
     }
@@ -398,14 +400,14 @@ impl Looking {
 /// Size of uncertainty ellipses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EllipseSize {
-    /// Whether they are magnified. Otherwise they are at the scale of the plan.
+    /// Whether the ellipses are magnified. Otherwise their semi-axes are true to scale: two standard deviations.
     pub is_magnified: bool,
 }
 
 impl EllipseSize {
     /// Semi-axes at the scale of the plan, in standard deviations.
     const SIGMAS: f64 = 2.0;
-    /// Magnification on request.
+    /// Magnification of the ellipses if `is_magnified` is set.
     const MAGNIFICATION: f64 = 10.0;
 
     /// Returns the semi-axes of the painted uncertainty ellipses, in standard deviations, with their magnification.
@@ -414,7 +416,7 @@ impl EllipseSize {
         Self::SIGMAS * if self.is_magnified { Self::MAGNIFICATION } else { 1.0 }
     }
 
-    /// Returns the label of the view.
+    /// Returns the label that states the size of the ellipses, such as "Ellipses: 2σ, ×10".
     #[must_use]
     pub fn label(self) -> String {
         let magnified =

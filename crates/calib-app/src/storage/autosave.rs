@@ -272,7 +272,7 @@ pub enum News {
     Trouble(String),
     /// Message that is no error.
     Note(String),
-    /// Request to store the open site again, completely.
+    /// Request to store the open site again with all its images, because another browser tab changed its entry.
     Again,
 }
 

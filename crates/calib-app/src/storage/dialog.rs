@@ -9,7 +9,8 @@ use web_time::Instant;
 use crate::choice::{Chosen, Purpose};
 use crate::platform::{Answer, Here, Platform as _};
 
-/// Shortest time for which a chooser is open if a person closes it.
+/// Smallest plausible time between opening a file chooser and closing it by hand. If a chooser closes earlier without
+/// a file, the system is assumed to have no file chooser.
 const MIN_OPEN_TIME: Duration = Duration::from_millis(400);
 
 /// Open file chooser.
@@ -51,7 +52,8 @@ impl Dialog {
         self.opened.is_some_and(|opened| opened.elapsed() < MIN_OPEN_TIME)
     }
 
-    /// Returns the chosen files once the chooser is closed; none if it was cancelled.
+    /// Returns the chosen files once the chooser is closed, an empty list if it was cancelled. `None` while it is
+    /// open.
     pub fn poll(&mut self) -> Option<Vec<Chosen>> {
         let mut context = Context::from_waker(Waker::noop());
         match self.answer.as_mut().poll(&mut context) {

@@ -47,7 +47,8 @@ pub fn open_stamped(path: &Path) -> FileResult<(Site, Images, u64)> {
     Ok((site, images, held))
 }
 
-/// Returns the size of a pixel of a plan that is a drawing, in metres.
+/// Returns the scale that the drawing of a plan states, in metres per pixel. `None` if the plan is not a drawing or
+/// states no scale.
 fn scale_of_drawing(plan: &Plan, images: &Images) -> Option<f64> {
     let bytes = images.reader(plan.image.as_ref()?).read(Here::read_within).ok()?;
     calib_plan::read(&bytes, &plan_view(plan))?.ok()?.facts.metres_per_px

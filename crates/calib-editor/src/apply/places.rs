@@ -43,7 +43,8 @@ impl Editor {
         session.commit(name);
     }
 
-    /// Moves the selected camera on the floor by multiples of 0.1 m.
+    /// Moves the selected camera on the floor by 0.1 m times `by`. As on the screen, the second component of `by`
+    /// points down, to −y.
     pub(super) fn nudge_camera(&mut self, by: [f64; 2]) {
         let session = &mut self.session;
         let camera = session.camera;

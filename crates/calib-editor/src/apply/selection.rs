@@ -177,8 +177,8 @@ impl Editor {
         session.commit(format!("duplicate {name}"));
     }
 
-    /// Changes the flags `off` and `keep` of all selected annotations, control points, links and marks, each
-    /// once.
+    /// Applies `change` to the flags `off` and `keep` of every selected annotation, control point, link and mark. An
+    /// annotation with several selected parts is changed only once. `name` is the name of the undo step.
     fn change_flags(&mut self, parts: &BTreeSet<Part>, name: &str, change: impl Fn(&mut bool, &mut bool)) {
         let (mut seen, mut waits) = (BTreeSet::new(), false);
         let site = &mut self.session.site;
@@ -246,8 +246,8 @@ impl Editor {
         }
     }
 
-    /// Moves the selected parts by a displacement in pixels. Marks move on the floor by multiples of 0.1 m.
-    /// If nothing is selected, the camera moves by multiples of 0.1 m.
+    /// Moves the selected parts by `by` raw pixels. Selected marks move instead on the floor, by 0.1 m for each unit
+    /// of `by`. Without a selection, the camera moves in the same way if `pane` is the plan.
     fn nudge_by(&mut self, by: [f64; 2], pane: Option<Pane>) {
         if !self.tool().is_idle() {
             self.cancel();

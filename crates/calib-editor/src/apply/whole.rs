@@ -33,7 +33,8 @@ impl Editor {
         }
     }
 
-    /// Sets the grid of the site. Refuses a grid in which the points of the site have no valid place.
+    /// Sets the map grid of the site. If points of the site are invalid in the new grid, reports an error and keeps
+    /// the old grid.
     fn set_grid(&mut self, crs: Option<String>) {
         self.cancel();
         let changed = Site { crs, ..self.session.site.clone() };
@@ -217,8 +218,9 @@ impl Editor {
         count
     }
 
-    /// Imports a camera. If the camera exists in the site, only its lens is imported. Returns the id of the camera that
-    /// got a lens; `None` if a camera was added.
+    /// Imports a camera. Only its lens is imported if the site contains the camera. If it is the only imported camera
+    /// (`is_alone`), its lens is assigned to the selected camera. Otherwise the camera is added. Returns the id of
+    /// the camera that got a lens; `None` if a camera was added.
     fn import_camera(&mut self, camera: SiteCamera, is_alone: bool) -> Result<Option<String>, String> {
         let session = &mut self.session;
         let known = session.site.cameras.iter().position(|own| own.id == camera.id);

@@ -10,9 +10,9 @@ use crate::tools::{Pane, Phase, Pointer};
 pub(super) struct Corners(Vec<FloorPoint>);
 
 impl Corners {
-    /// Processes a pointer event at a floor point. A click on the first corner finishes a shape of three corners.
-    /// A double click finishes a shape of `min_corners`. Returns whether the finished shape is closed, and `None`
-    /// if the shape is unfinished.
+    /// Processes a pointer event at a floor point. A click on the first corner closes a shape of three or more
+    /// corners. A double click finishes a shape of `min_corners` or more without closing it. Returns whether the
+    /// shape was closed; `None` while it is unfinished.
     pub(super) fn follow(&mut self, at: FloorPoint, pointer: &Pointer, min_corners: usize) -> Option<bool> {
         let Some(last) = self.0.last_mut() else {
             if pointer.phase == Phase::Press {

@@ -50,8 +50,8 @@ fn selected(session: &Session) -> Option<usize> {
 }
 
 impl Linking {
-    /// Continues the clicked link `drawn` in the next view. The link `begun`, which was started before, is
-    /// merged into it.
+    /// Lets the next click in another view extend the clicked link `drawn`. If the earlier link `begun` is a point
+    /// link and no camera shows both, it is merged into `drawn`.
     fn continue_link(&mut self, session: &mut Session, drawn: usize, begun: Option<usize>) {
         let free = edit::free_id(&session.site, 'L');
         let links = &mut session.site.links;

@@ -52,8 +52,9 @@ fn corner_names(corners: &[Pixel; 4]) -> Option<[&'static str; 4]> {
     }
 }
 
-/// Returns the position and rotation (degrees) of a mark on its pins, in the frame of an unplaced camera. `None`
-/// if the mark is fixed, or if a placed camera shows it.
+/// Returns the floor position (metres) and rotation (degrees) at which a mark fits its pins in the image of an
+/// unplaced camera. The origin is below this camera. `None` if the mark is fixed, if a placed camera shows it, or if
+/// the pins do not determine the position.
 fn pinned_position(session: &Session, index: usize) -> Option<([f64; 2], f64)> {
     let mark = session.site.marks.get(index).filter(|mark| !mark.fixed)?;
     let local = mark.shape_at(WorldPoint { z: mark.at_m.z, ..WorldPoint::default() }, 0.0);
@@ -83,7 +84,7 @@ fn pinned_position(session: &Session, index: usize) -> Option<([f64; 2], f64)> {
     Some(([placement.by.x, placement.by.y].map(rounded), rounded(placement.turn.to_degrees())))
 }
 
-/// Whether a mark is on its pins, or has none that show its position.
+/// Whether a mark is at the position that its pins determine. Also true if they determine no position.
 pub(crate) fn is_on_pins(session: &Session, index: usize) -> bool {
     /// Largest distance from the pins, in metres: positions are rounded to millimetres.
     const MAX_DISTANCE_M: f64 = 0.005;
@@ -263,7 +264,8 @@ struct Corners {
 }
 
 impl Corners {
-    /// Whether the first click at the pointer sets a corner: a rectangle is chosen, and its camera has no pose.
+    /// Whether a click in the image of this camera sets the first corner of a new rectangle. The mark tool must
+    /// create rectangles, and the camera must have no pose.
     fn start_at(session: &Session, camera: usize) -> bool {
         session.tool.mark_kind == MarkKind::Rectangle && session.solved.pose(camera).is_none()
     }

@@ -55,7 +55,8 @@ enum TimeSource {
 }
 
 impl RulerClick {
-    /// Returns the time of the image (RFC 3339), if it selects the calibration of the camera.
+    /// Returns the capture time of the image (RFC 3339). `None` if it is unknown, or if this camera entry is not
+    /// valid at that time.
     fn time(&self, session: &Session, source: TimeSource) -> Option<String> {
         let entry = session.site.cameras.get(self.image.camera)?;
         let time = match source {
@@ -200,7 +201,8 @@ impl Measure {
     }
 }
 
-/// Returns a time that selects the calibration period of a click; `None` if its camera has one period.
+/// Returns a time (RFC 3339) in the calibration period of a click, by which the site file refers to the period.
+/// `None` if the camera has only one period.
 fn period_time(session: &Session, click: &RulerClick, time: &Option<String>) -> Option<String> {
     let entry = session.site.cameras.get(click.image.camera)?;
     let is_period = session.site.cameras.iter().filter(|other| other.id == entry.id).count() > 1;

@@ -153,7 +153,8 @@ pub trait Tool: std::fmt::Debug {
     /// Whether no gesture is in progress.
     fn is_idle(&self) -> bool;
 
-    /// Whether the tool has finished its only object. The selection tool then replaces it.
+    /// Whether the tool draws a single object, such as the field of view, and has finished it. The selection tool
+    /// then replaces the tool.
     fn is_done(&self) -> bool {
         false
     }

@@ -84,13 +84,13 @@ impl<T: Send + 'static> Task<T> {
         Self { result, wanted }
     }
 
-    /// Returns the result when the task has ended, only once; `None` after a panic.
+    /// Returns the result, only once. `None` while the task is running, and after a panic.
     #[must_use]
     pub fn poll(&self) -> Option<T> {
         self.outcome()?.ok()
     }
 
-    /// Returns the result when the task has ended, only once, or [`Lost`] after a panic.
+    /// Returns the result, only once, or [`Lost`] after a panic. `None` while the task is running.
     #[must_use]
     pub fn outcome(&self) -> Option<Result<T, Lost>> {
         debug_assert!(Arc::strong_count(&self.wanted) == 1, "a task is waited for once");

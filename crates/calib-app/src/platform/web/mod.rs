@@ -222,7 +222,7 @@ async fn draw(bytes: &[u8], side: u32) -> Result<Vec<u8>, String> {
     drawn.map(|png| Uint8Array::new(&png).to_vec()).map_err(|error| said(&error))
 }
 
-/// Longer side of a rasterised SVG plan, in pixels, as in the other programs.
+/// Longer side of a rasterised SVG plan, in pixels. The desktop program uses the same size.
 const SVG_SIDE: u32 = 3072;
 
 /// Decodes an image, or rasterises a drawing. An SVG drawing also has a PNG.
