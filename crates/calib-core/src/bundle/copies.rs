@@ -144,8 +144,8 @@ fn cells(landmark: &Landmark) -> Vec<Cell> {
     landmark.views().into_iter().flat_map(along).collect()
 }
 
-/// Returns the cells that can contain an original of this landmark: around its first point, or around the
-/// middle of its first segment.
+/// Returns the cells to search for landmarks that this landmark repeats: the cells around its first point, or around
+/// the middle of the first segment of a line.
 fn cells_around(own: &Landmark) -> Vec<Cell> {
     let Some(seen) = own.observations.first() else { return Vec::new() };
     let middle = || Some(cell((seen.view, 0), interpolate(segment(own, seen.view)?, 0.5), LINE_CELL_PX));

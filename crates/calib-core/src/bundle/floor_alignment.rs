@@ -190,8 +190,9 @@ fn solve_translations(
     })
 }
 
-/// Solves for two unknowns of every free view and two unknowns of each of `points` points, which are
-/// eliminated. `coupled` lists the views coupled by each pair or point.
+/// Solves a linear least-squares problem with two unknowns for each free view and each of `points` points. The points
+/// are eliminated. `coupled` lists the views that share a pair or point, and `fill` adds the equations. Returns the
+/// index and the unknowns of each free view.
 fn solve(
     free: &dyn Fn(usize) -> bool,
     coupled: impl Iterator<Item = Vec<usize>>,
@@ -223,7 +224,8 @@ struct FloorSimilarity {
     turn: f64,
     log_scale: f64,
     centres: [[f64; 2]; 2],
-    /// Square root of the weighted scatter of the points, which is the precision of rotation and log scale.
+    /// Square root of the weighted scatter of the points. It is the inverse standard deviation of rotation and log
+    /// scale, up to a common factor.
     weight: f64,
 }
 
@@ -315,7 +317,8 @@ fn sightings(cameras: &[Camera], landmarks: &[Landmark]) -> (Vec<FloorSighting>,
     (sightings, count)
 }
 
-/// Whether a landmark has a point that aligned floors share. Lines have no such point.
+/// Whether a landmark can align floors. It must be active and at an unknown position, and it must have a point,
+/// unlike a line.
 fn is_alignable(landmark: &Landmark) -> bool {
     let is_point = !matches!(landmark.model, LandmarkModel::Line { .. } | LandmarkModel::Measured);
     !landmark.off && landmark.free[0] && is_point

@@ -281,9 +281,9 @@ pub(crate) fn view_to_base([right, ahead]: [f64; 2], yaw: f64) -> [f64; 2] {
     [right * rx + ahead * ax, right * ry + ahead * ay]
 }
 
-/// Returns the derivatives of a residual with respect to the tilt in the base system and the yaw, computed
-/// from its derivatives in the view. `tilt` is the index of the first tilt parameter. Returns `None` if the
-/// residual does not depend on the tilt.
+/// Returns the derivatives of a residual with respect to the shared tilt `lean` in the base system, and to the yaw.
+/// `nuisance` contains the derivatives with respect to the tilt in the axes of the view, and `tilt` is the index of
+/// the first one. Returns `None` if the residual does not depend on the tilt.
 pub(crate) fn common_tilt_derivatives(
     nuisance: &NuisanceJacobian,
     tilt: usize,

@@ -3,9 +3,9 @@
 //! A camera has one block of pose, focal length and lens. The focal length and distortion that several cameras
 //! share have a separate block. Both kinds of blocks are kept in the reduced system. Directions and lengths of
 //! stage 1 are blocks of one parameter, and landmarks are blocks of up to three parameters. Blocks of
-//! directions, lengths and landmarks are coupled to few cameras and are eliminated (Schur complement). A landmark at the end of a
-//! measured distance is kept, because two eliminated blocks must not share a residual. Planes that views and
-//! landmarks share have blocks, too.
+//! directions, lengths and landmarks are coupled to few cameras and are eliminated (Schur complement). A landmark at
+//! the end of a measured distance is kept, because two eliminated blocks must not share a residual. Planes that views
+//! and landmarks share have blocks, too.
 
 use std::collections::HashSet;
 

@@ -47,7 +47,8 @@ use crate::camera::{Camera, Covariance, ObservedPixel, PosedCamera};
 use crate::optimize::{chi2_median_per_dof, chi2_score, is_misfit, product, pseudo_invert};
 use crate::single::{PlanePrior, Prior, inflation, is_significant, student_factor};
 
-/// Minimum chi-square of a suspect, as a fraction of the largest chi-square of its cameras.
+/// Minimum chi-square per degree of freedom of a suspect, as a fraction of the largest such value in each of its
+/// cameras.
 const MIN_SHARE_OF_LARGEST_CHI2: f64 = 0.25;
 
 impl Converged<'_> {
@@ -73,8 +74,8 @@ impl Converged<'_> {
         suspects.into_iter().map(|scored| scored.candidate).collect()
     }
 
-    /// Whether the cameras agree about a rejected candidate, with the assumed variances multiplied by
-    /// `factor`.
+    /// Whether a rejected candidate is consistent with `cameras`, so that it can be restored. The assumed variances
+    /// are multiplied by `factor`.
     pub(crate) fn agrees_with(&self, rejected: OutlierCandidate, cameras: &[Camera], factor: f64) -> bool {
         let count = self.problem.landmarks.len() + self.problem.distances.len();
         let scored = match rejected {
@@ -119,7 +120,8 @@ impl Scored {
     }
 }
 
-/// Returns the factor of the assumed variances that follows from the median of the chi-squares; at least 1.
+/// Returns the factor by which the assumed variances are multiplied to explain the median chi-square of the
+/// candidates; at least 1.
 fn typical_factor(candidates: &[Scored]) -> f64 {
     let mut factors: Vec<f64> =
         candidates.iter().map(|scored| scored.per_dof() / chi2_median_per_dof(scored.dof as f64)).collect();
@@ -343,8 +345,9 @@ impl Refinement<'_> {
         self.noise_is_known.iter().all(|&is_known| is_known)
     }
 
-    /// Whether the candidate that distinguishes two minima is an outlier. It is one if it is significant
-    /// against the scatter of the rest, or if its rejection explains the misfit.
+    /// Whether a candidate is an outlier. `with` is the minimum with the candidate, and `without` the minimum without
+    /// it. The candidate is an outlier if it is significant against the scatter of the rest, or if its rejection
+    /// explains the misfit.
     fn is_outlier(&self, with: &Converged, without: &Converged, is_first: bool) -> bool {
         let count = self.landmarks.len() + self.distances.len();
         let explains = !is_misfit(without.chi2, without.dof);
@@ -390,7 +393,7 @@ impl Refinement<'_> {
         }
     }
 
-    /// Does the same as `solve_without`, starting from a few steps with the weak priors.
+    /// Returns the same minimum as `solve_without`, starting from `found`: a nearby state with the weak priors.
     fn continue_without_weak_priors<'a>(
         &'a self,
         rejected: &[OutlierCandidate],

@@ -113,7 +113,8 @@ struct Network<'a, 'b> {
     covariance: &'a BlockCovariance,
     /// Blocks of the covariance that are already computed.
     blocks: HashMap<[usize; 2], DMatrix<f64>>,
-    /// Matrix W of every view.
+    /// Matrix W of every view: the mean of `F'F` over points of the floor. F is the Jacobian of a floor point by the
+    /// camera parameters.
     floors: Vec<DMatrix<f64>>,
 }
 

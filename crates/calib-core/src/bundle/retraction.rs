@@ -12,7 +12,8 @@ use crate::bundle::local_similarity::{Correction, LocalSimilarities, PointStep};
 use crate::bundle::problem::BundleProblem;
 use crate::camera::Covariance;
 
-/// Indices of x and y in the state, if they are free.
+/// Indices in the state of the x and y coordinates of a camera or landmark; `None` for a fixed coordinate, and for a
+/// line.
 type Axes = [Option<usize>; 2];
 
 impl BundleProblem<'_> {

@@ -30,7 +30,7 @@ fn is_measured_mark(landmark: &Landmark) -> bool {
     matches!(landmark.model, LandmarkModel::Mark { .. }) && landmark.is_measured()
 }
 
-/// Whether the position of a point is known before the adjustment. The landmark itself is known.
+/// Whether the position of a point of a known landmark is known before the adjustment.
 ///
 /// All points are known if the landmark is not a mark, or its rotation is fixed. Otherwise the points on the
 /// vertical axis are known. If no such point is observed, the initial rotation is used for all points.

@@ -144,9 +144,9 @@ fn starts(criterion: &Criterion, fixed: FixedParameters, width: f64) -> Vec<[f64
     lowest.into_iter().take(MAX_STARTS).map(|(_, start)| start).collect()
 }
 
-/// The paper's C for one camera, with all lines rotated into unrolled axes.
+/// Criterion C of the paper for one camera. All lines are rotated to compensate the roll of the camera.
 struct Criterion {
-    /// Vertical lines, homogeneous, unrolled.
+    /// Vertical lines in homogeneous coordinates, rotated to compensate the roll of the camera.
     verticals: Vec<[f64; 3]>,
     /// Floor lines in homogeneous coordinates, rotated to compensate the roll of the camera, with their floor
     /// directions.

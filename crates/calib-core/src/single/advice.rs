@@ -128,7 +128,7 @@ const MEASURED_LENGTH: f64 = 0.5;
 /// Relative standard deviation of a suggested measurement.
 const MEASURED_SIGMA_REL: f64 = 0.01;
 
-/// Minimum pitch of a camera that looks down, in radians.
+/// Minimum pitch of a camera that looks almost straight down, in radians.
 const MIN_LOOKS_DOWN_PITCH_RAD: f64 = 1.2;
 
 /// Suggested annotation with an example on the image.

@@ -80,9 +80,11 @@ pub struct LengthConstraint<E = f64> {
     pub ends: [Endpoint<E>; 2],
     /// Group of equal lengths, as an index into [`Constraints::length_groups`].
     pub group: usize,
-    /// Standard deviation of the log length relative to its group.
+    /// Standard deviation of the difference between the true log length and the log length of the group. It does not
+    /// include the noise of the ends.
     pub spread: f64,
-    /// Whether the segment is one of several floor marks of equal length, to whose side the ground may slope.
+    /// Whether the segment is one of several floor marks of equal length, for example lane marks. Ground with such
+    /// marks may slope across them (`crossfall.rs`).
     pub is_mark: bool,
     /// Plane of the segment, as an index into [`Constraints::planes`]; `None` for the floor.
     pub plane: Option<usize>,
@@ -279,14 +281,15 @@ fn scale_variance<E: Number>(end: &mut Endpoint<E>, times: f64) {
     }
 }
 
-/// Returns both ends of a segment in an image that all lines share: in undistorted pixels, or in equidistant
-/// pixels for a wide lens.
+/// Returns both ends of a segment in coordinates that do not depend on its chart, so that segments can be compared.
+/// They are undistorted pixels, or equidistant pixels for a wide lens, relative to the principal point.
 fn polyline<E: Number>(chart: Option<&Chart>, ends: [&Endpoint<E>; 2]) -> Vec<[f64; 2]> {
     let points = ends.map(|end| end.point.map(Number::value));
     points.map(|point| chart.map_or(point, |chart| chart.equidistant_point(point))).to_vec()
 }
 
-/// Sum of the shares of the members of every group, and the number of members.
+/// Sum of the shares of the members of every group, and the number of members. A share is a fraction of the copies of
+/// a line, between 0 and 1 ([`Count::share`]).
 struct Shares(Vec<(f64, f64)>);
 
 impl Shares {
@@ -306,7 +309,8 @@ impl Shares {
         mean(self.0[group]).unwrap_or(1.0)
     }
 
-    /// Returns the mean share of the members of a group, excluding members with this sum and count.
+    /// Returns the mean share of a group without some of its members; `None` if no member remains. `sum` is the sum
+    /// of the shares of the excluded members, and `count` is their number.
     fn mean_share_without(&self, group: usize, (sum, count): (f64, f64)) -> Option<f64> {
         let all = self.0[group];
         mean((all.0 - sum, all.1 - count))
@@ -356,8 +360,8 @@ impl Constraints {
     reason = "constraints exist with two number types: plain values, and values with derivatives"
 )]
 impl<E: LensNumber> Constraints<E> {
-    /// Computes constraints as [`Constraints::on_planes`] does, but in the charts (virtual pinhole views) of `start`, the
-    /// initial lens of the estimation of `lens`.
+    /// Computes constraints as [`Constraints::on_planes`] does, but in the charts (virtual pinhole views) of `start`,
+    /// the initial lens of the estimation of `lens`.
     ///
     /// With numbers of type [`ByLens`], they include the derivatives with respect to the parameters of the lens.
     pub(crate) fn in_charts_of(
@@ -375,11 +379,12 @@ impl<E: LensNumber> Constraints<E> {
 struct Builder<'a, E> {
     annotations: &'a [Annotation],
     lens: &'a Lens,
-    /// Lens whose charts are used.
+    /// Lens that defines the charts (virtual pinhole views). It is the initial lens if `lens` is being estimated.
     charts: &'a Lens,
     planes: &'a [PlanePrior],
     constraints: Constraints<E>,
-    /// Floor direction of every annotation, once known: group, and whether at right angles to it.
+    /// Floor direction of every annotation of parallel lines: its group, and whether it is at right angles to the
+    /// direction of the group. `None` until it is computed.
     directions: Vec<Option<(usize, bool)>>,
 }
 
@@ -445,7 +450,8 @@ impl<'a, E: LensNumber> Builder<'a, E> {
         self.add_lines(index, segments, |i| (Direction::Floor { group, orthogonal: i > 0 }, deviations[i]));
     }
 
-    /// Adds the deviation of an annotated direction, if it has an error or is on a plane.
+    /// Adds the deviation of an annotated direction from the direction of its group, and returns the index of the
+    /// deviation. Returns `None` for an exact direction on the floor.
     fn deviation(&mut self, deviation: Deviation) -> Option<usize> {
         let Deviation { azimuth, level, plane, .. } = deviation;
         (azimuth > 0.0 || level > 0.0 || plane.is_some()).then(|| {

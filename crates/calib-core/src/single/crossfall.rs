@@ -22,8 +22,8 @@ use crate::single::size_residual::{CameraTerms, floor_direction};
 /// 6 %, and mostly by less than 2 %.
 const GRADIENT_RATIO: f64 = 0.25;
 
-/// Lower Cholesky factor of the covariance of the lean to the right and away from the camera: its first
-/// column, and the last entry.
+/// Lower Cholesky factor of the covariance of the lean of the verticals against the floor, in radians. The components
+/// of the lean are to the right and away from the camera.
 pub(super) struct LeanSpread<N> {
     /// Standard deviation of the lean to the right.
     right: N,
@@ -34,7 +34,7 @@ pub(super) struct LeanSpread<N> {
 }
 
 impl<E> Constraints<E> {
-    /// Whether the floor may slope to the side of marks on it.
+    /// Whether the prior on the tilt of the floor includes a slope across floor marks of equal length.
     pub(crate) fn has_crossfall(&self) -> bool {
         self.tilt_sigma().is_some()
             && self.scene.crossfall > 0.0
@@ -77,7 +77,7 @@ impl<E: Number> Problem<'_, E> {
         sums.map(|sum| sum * f64::max(count, 1.0).recip())
     }
 
-    /// Passes the two residuals of the lean, divided by its spread, to `sink`.
+    /// Passes the two residuals of the prior on the lean of the verticals to `sink`, in standard deviations.
     pub(super) fn each_lean_prior<N: NumberOver<E>>(
         &self,
         state: &State,

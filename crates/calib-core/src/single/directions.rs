@@ -13,7 +13,8 @@ pub(crate) struct Directions<'a, E> {
     nuisances: Nuisances,
     /// Vanishing point of the verticals.
     nadir: VanishingPoint,
-    /// Vanishing points along and at right angles to every group; empty if every line deviates.
+    /// Vanishing points of the direction of every group, and of the direction at right angles to it. Empty if every
+    /// floor line has a deviation from its group.
     groups: Vec<[VanishingPoint; 2]>,
     /// Vanishing point of every deviating direction.
     deviations: Vec<VanishingPoint>,

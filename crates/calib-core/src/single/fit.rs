@@ -95,10 +95,10 @@ impl FitOptions<'_> {
 }
 
 impl FitOptions<'_> {
-    /// Returns the image width that corresponds to a usual field of view.
+    /// Returns the image width, in pixels, that usual focal lengths are relative to.
     ///
-    /// The result is the width of the image, except for a wide lens. The focal length of a wide lens is
-    /// already close to that of the camera.
+    /// It is the width of the image, except for a wide lens. For a wide lens it is the width for which the focal
+    /// length of the lens is usual.
     fn width(&self) -> f64 {
         if self.lens.distortion.is_wide() { self.lens.focal / USUAL_FOCAL_PER_WIDTH } else { self.size[0] }
     }
@@ -267,8 +267,8 @@ fn with_weighted_prior(
     with_weak_prior(problem, options.fixed, found.without_weak_prior().to_vec(), spread)
 }
 
-/// Returns the other minima that the chi-square does not rule out, and whether one of them belongs to the
-/// same problem.
+/// Returns the other minima that the chi-square does not rule out. The flag is `true` if at least one of them is a
+/// local minimum of the same problem. The minimum without the weak prior does not count.
 ///
 /// If the lines determine the focal length, the weak prior does not rule out minima. It only chooses between
 /// them.

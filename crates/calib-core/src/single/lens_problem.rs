@@ -203,7 +203,8 @@ impl LensProblem<'_> {
         self.fitted.indices().into_iter().chain(self.free.iter().copied()).collect()
     }
 
-    /// Returns the cost of every edge, as one of its copies: the sum of its squared residuals.
+    /// Returns the sum of the squared residuals of every edge, in square pixels. Unlike in `cost`, a repeated edge
+    /// has its full weight.
     pub(super) fn costs(&self, values: &[f64]) -> impl Iterator<Item = f64> {
         let (lens, start) = (self.lens(values), self.start());
         self.edges.iter().map(move |edge| edge_cost([&lens, &start], edge))
@@ -273,7 +274,8 @@ impl LensProblem<'_> {
     /// Otherwise they are the edges that a distortion would hardly curve. Fisheyes have none, because they
     /// curve every edge that is not radial.
     pub(super) fn uninformative(&self, values: &[f64]) -> Vec<(Source, f64)> {
-        /// Ratio of the corner's standard deviations below which an edge is uninformative.
+        /// Ratio of the standard deviations of the undistorted corner without and with an edge. Below this ratio the
+        /// edge is uninformative.
         const MAX_SIGMA_RATIO: f64 = 1.05;
         if self.fitted.is_wide() {
             return Vec::new();
@@ -326,7 +328,7 @@ impl LensProblem<'_> {
         Some(self.sigma * self.sigma * pairs.map(along).sum::<f64>())
     }
 
-    /// Returns the covariance of the fitted parameters, for points with a standard deviation of one pixel.
+    /// Returns the covariance of the fitted parameters, divided by the variance `sigma^2` of a drawn coordinate.
     pub(super) fn covariance(&self, values: &[f64]) -> Option<DMatrix<f64>> {
         let (_, jacobian) = self.residuals_and_jacobian(values)?;
         jacobian.tr_mul(&jacobian).try_inverse()

@@ -225,7 +225,7 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// Quantities that an annotation on a plane depends on.
+/// Camera relative to a plane, and the nuisance parameters of the annotations on that plane.
 pub(super) struct PlaneState {
     /// Camera relative to the plane; `None` if the camera is not above it.
     pub(super) frame: Option<PlaneFrame>,
@@ -233,7 +233,8 @@ pub(super) struct PlaneState {
 }
 
 impl PlaneState {
-    /// Returns the quantities for annotations in the plane, which do not depend on the verticals.
+    /// Returns the camera and the nuisance parameters for lengths in the plane, which do not depend on the tilt of
+    /// the verticals. `None` if the camera is not above the plane.
     pub(super) fn without_tilt(&self) -> Option<(&PlaneFrame, PlaneNuisances)> {
         Some((self.frame.as_ref()?, PlaneNuisances { tilt: None, ..self.nuisances }))
     }
@@ -254,7 +255,7 @@ impl<E> Constraints<E> {
 }
 
 impl<'a, E: Number> Problem<'a, E> {
-    /// Returns the quantities that annotations on every plane depend on.
+    /// Returns the camera relative to every annotated plane, with the nuisance parameters of its annotations.
     fn plane_states(&self, state: &State) -> Vec<PlaneState> {
         let frames = self.constraints.plane_frames(&state.parameters, &state.nuisance);
         let with_nuisances =

@@ -73,7 +73,7 @@ pub(crate) fn minima_including(
     without_vague(found, problem)
 }
 
-/// Removes minima that fit the uprights only because they predict them vaguely.
+/// Removes minima that fit the heads of uprights only because the uncertainty of the predicted heads is large.
 ///
 /// The likelihood contains the log determinant of the covariance of the predicted heads, in addition to the
 /// chi-square. The differences of the determinant between usual cameras are negligible. A camera at the
@@ -196,7 +196,8 @@ fn normalize_angles(state: &mut State, problem: &Problem) {
     }
 }
 
-/// Whether two states are the same minimum: their distance is below one standard deviation.
+/// Whether two minima are the same. Roll, pitch and log focal length must differ by less than one standard deviation
+/// of at least one of the two.
 fn is_same(a: &Minimum, b: &Minimum, problem: &Problem) -> bool {
     /// Largest difference of roll and pitch (radians) and of log focal length between equal states.
     const SAME_STATE_DISTANCE: f64 = 1e-4;

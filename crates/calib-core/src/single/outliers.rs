@@ -243,15 +243,15 @@ struct Outlier {
     source: Source,
     /// Chi-square of the rest.
     chi2: f64,
-    /// Smallest chi-square without any other constraint.
+    /// Chi-square if the second-best candidate is rejected instead; infinite if there is only one candidate.
     runner_up: f64,
 }
 
 /// Returns the constraint whose rejection gives the best agreement of the rest.
 fn worst_outlier(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Option<Outlier> {
-    /// Largest number of candidates that are all solved from every start.
+    /// Largest number of candidates for which every leave-one-out fit uses all start values.
     const MAX_MULTISTART: usize = 40;
-    /// Number of candidates that are solved from every start if there are more.
+    /// Number of candidates whose leave-one-out fit uses all start values, if there are more than `MAX_MULTISTART`.
     const REDUCED_MULTISTART: usize = 10;
     let candidates = outlier_candidates(problem, best, search);
     let multistart = match sources(problem).len() {

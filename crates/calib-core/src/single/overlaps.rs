@@ -18,13 +18,15 @@ use crate::outcome::Source;
 
 /// Largest distance between two segments of the same edge, in pixels.
 pub const MAX_OVERLAP_DISTANCE_PX: f64 = 3.0;
-/// Minimum length of another segment that counts against a segment, relative to its length.
+/// Minimum length of a polyline that counts as a copy of another one, as a fraction of the other's length. A segment
+/// is a repeat if another one overlaps at least this fraction of it.
 const MIN_LENGTH_RATIO: f64 = 0.8;
-/// Minimum length of a piece whose angle restricts the candidates, in pixels.
+/// Minimum length, in pixels, of a segment whose angle is used to preselect overlapping segments. A shorter segment
+/// is compared with all segments nearby.
 const MIN_ANGLE_LENGTH_PX: f64 = 8.0 * MAX_OVERLAP_DISTANCE_PX;
 
-/// Repeat counts of a polyline, including the polyline itself. Polylines without a class are not counted, and
-/// their counts are 0.
+/// Repeat counts of a polyline: 1, plus the fraction of it that each other polyline covers. A class contains the
+/// polylines that share an unknown, for example a direction. The counts of a polyline without a class are 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Count {
     /// Repeat count among the polylines of all classes.
@@ -34,7 +36,7 @@ pub(crate) struct Count {
 }
 
 impl Count {
-    /// Returns the repeat count of the polyline in its class, divided by its repeat count in all classes. Returns 1 for a
+    /// Returns the fraction of all copies of the polyline that are in its class: `own / all`. Returns 1 for a
     /// polyline without a class.
     pub(crate) fn share(&self) -> f64 {
         if self.all > 0.0 { self.own / self.all } else { 1.0 }
@@ -75,8 +77,8 @@ impl<'a> Overlaps<'a> {
         self.counts([&|_| Some(0)]).into_iter().map(|[count]| count.all).collect()
     }
 
-    /// Returns the repeat counts of every polyline for each of several classifications. A polyline without a
-    /// class is not counted.
+    /// Returns the repeat counts of every polyline, one for each classification. A classification maps the index of a
+    /// polyline to its class. Polylines without a class (`None`) are not counted.
     pub(crate) fn counts<const N: usize>(
         &self,
         classes: [&dyn Fn(usize) -> Option<usize>; N],
@@ -104,8 +106,8 @@ impl<'a> Overlaps<'a> {
         classes.into_iter().map(Tally::new).collect()
     }
 
-    /// Calls `sink` for every pair of locations of which the first overlaps the second. The arguments are the
-    /// indices of both, and the overlapping fraction of the length of the first.
+    /// Calls `sink` for every ordered pair of overlapping locations. The arguments are the indices of both, and the
+    /// fraction of the first polyline's length that the second covers.
     fn each_overlap(&self, mut sink: impl FnMut(usize, usize, f64)) {
         // Overlap of the current piece and of the current location with every other location.
         let (mut of_piece, mut of_place) = (Lengths::of(self.places.len()), Lengths::of(self.places.len()));
@@ -123,7 +125,8 @@ impl<'a> Overlaps<'a> {
         }
     }
 
-    /// Calls `sink` with every piece that the piece with these ends of the polyline `own` may overlap.
+    /// Calls `sink` with every segment of any polyline that may overlap one segment of the polyline `own`. `ends` are
+    /// the ends of that one segment, in pixels.
     fn each_near(&self, own: &Extent, ends: &[[f64; 2]; 2], mut sink: impl FnMut(&Piece)) {
         use std::f64::consts::PI;
         let whole = length(ends);
@@ -150,7 +153,8 @@ impl<'a> Overlaps<'a> {
     }
 }
 
-/// Lengths by location, in pixels, with few non-zero entries at a time.
+/// Length of the overlap with the polyline at every location, in pixels. Most lengths are zero, so the indices of the
+/// others are listed.
 struct Lengths {
     /// Length at every location.
     by_place: Vec<f64>,
@@ -271,7 +275,8 @@ impl<'a> Extent<'a> {
         }
     }
 
-    /// Whether another polyline is long enough to count against this one, and near enough to overlap it.
+    /// Whether another polyline is long enough to be a repeat of this one ([`MIN_LENGTH_RATIO`]), and near enough to
+    /// overlap it.
     fn may_overlap(&self, other: &Self) -> bool {
         let is_near = |k: usize| {
             self.low[k] <= other.high[k] + MAX_OVERLAP_DISTANCE_PX
@@ -326,9 +331,11 @@ fn common_length(segment: &[[f64; 2]; 2], other: &[[f64; 2]; 2]) -> f64 {
 pub struct Repeats {
     /// Repeat counts by segment, sorted.
     times: Vec<(Source, f64)>,
-    /// Groups of directions with their share among all copies of the same lines, if it is less than 1.
+    /// Share of each group of directions among all copies of its lines, as pairs of group and share. The pairs are
+    /// sorted by group; shares of 1 are omitted.
     directions: Vec<(usize, f64)>,
-    /// Groups of lengths with their share among all copies of the same segments, if it is less than 1.
+    /// Share of each group of lengths among all copies of its segments, as pairs of group and share. The pairs are
+    /// sorted by group; shares of 1 are omitted.
     lengths: Vec<(usize, f64)>,
 }
 
@@ -357,8 +364,8 @@ impl Repeats {
         found.map_or(1.0, |at| self.times[at].1)
     }
 
-    /// Returns the share of a group of directions among all copies of its lines. It is the fraction of one
-    /// unknown that the direction of the group counts as.
+    /// Returns the share of a group of directions among all copies of its lines, at most 1. Two groups with the same
+    /// lines have a share of 1/2 each: their directions count as one unknown together.
     pub(crate) fn share_of_direction(&self, group: usize) -> f64 {
         share(&self.directions, group)
     }

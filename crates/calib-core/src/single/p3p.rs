@@ -117,8 +117,8 @@ fn real_roots([c0, c1, c2, c3, c4]: [f64; 5]) -> Vec<f64> {
     roots
 }
 
-/// Returns a positive root of a cubic with the leading coefficient 1 and a value of at most 0 at 0, the lowest
-/// coefficient first: Newton steps, with bisection where they leave the bracket.
+/// Returns a positive root of the cubic `x^3 + c2 x^2 + c1 x + c0` with `c0 <= 0`. A Newton step that leaves the
+/// bracket is replaced by a bisection.
 fn positive_root([c0, c1, c2]: [f64; 3]) -> f64 {
     const MAX_STEPS: usize = 100;
     // Fujiwara's bound of the roots.

@@ -10,7 +10,7 @@ pub struct PlanePrior {
     pub id: String,
     /// Expected height and slope of the plane.
     pub plane: Plane,
-    /// Horizontal direction of the fall, of unit length.
+    /// Unit vector (x, y) of the horizontal direction in which the plane falls; +x if the direction is not known.
     pub along: [f64; 2],
     /// Standard deviations of the height in metres, and of the slope along and across the fall in rise per
     /// metre; 0 if fixed.
@@ -43,8 +43,8 @@ impl PlanePrior {
         std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)))
     }
 
-    /// Returns the unit vectors of height, slope along the fall and slope across it, as rows. The columns are
-    /// height, slope in x and slope in y.
+    /// Returns the rotation from (height, slope in x, slope in y) to (height, slope along the fall, slope across the
+    /// fall), row by row.
     pub(crate) fn directions(&self) -> [[f64; 3]; 3] {
         let [x, y] = self.along;
         [[1.0, 0.0, 0.0], [0.0, x, y], [0.0, -y, x]]
@@ -90,7 +90,8 @@ impl FittedCoefficients {
         (0..Distortion::MAX_FITTED).filter(|&k| self.which[k]).collect()
     }
 
-    /// Whether the coefficients are valid for one focal length only, which must be known before the lens is fitted.
+    /// Whether the coefficients are valid for one focal length only. This focal length is either given or fitted with
+    /// the coefficients.
     pub fn has_own_focal(&self) -> bool {
         self.model.row().focal_powers.is_none()
     }

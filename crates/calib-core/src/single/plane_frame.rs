@@ -37,7 +37,7 @@ pub(crate) struct PlaneFrame {
 const ROLL_ROW: usize = 0;
 /// Row of the relative pitch in [`PlaneFrame::by`].
 const PITCH_ROW: usize = 1;
-/// Row of the log distance across the plane in [`PlaneFrame::by`].
+/// Row of the log distance perpendicular to the plane in [`PlaneFrame::by`].
 const DISTANCE_ROW: usize = 2;
 /// Row of the log distance along the verticals in [`PlaneFrame::by`].
 const VERTICAL_ROW: usize = 3;
@@ -54,7 +54,7 @@ const SLOPE_SLOTS: [usize; 2] = [3, 4];
 /// Reference direction of the distance from a plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum DistanceKind {
-    /// Distance across the plane.
+    /// Distance perpendicular to the plane, for annotations in the plane.
     OnPlane,
     /// Distance along the verticals.
     Upright,
@@ -132,10 +132,11 @@ impl PlaneFrame {
     }
 }
 
-/// Computes the relative roll, the pitch, two log distances divided by the drop, and the two leans, with
-/// their derivatives.
+/// Computes roll, pitch, the logs of two distances, and two leans of a camera relative to a plane, with their
+/// derivatives.
 ///
-/// The roll is relative to the floor. The distances are across the plane and along the verticals.
+/// The roll is the difference from the roll relative to the floor. The distances from the plane are perpendicular to
+/// it and along the verticals. They are divided by the height of the camera above the plane.
 fn relative(pitch: f64, tilt: Tilt, slope: [f64; 2]) -> [Dual; 6] {
     let (sp, cp) = Dual::parameter(pitch, PITCH_SLOT).sin_cos();
     let [t0, t1] = [0, 1].map(|k| Dual::parameter(tilt[k], TILT_SLOTS[k]));

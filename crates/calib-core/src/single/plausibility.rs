@@ -20,8 +20,8 @@ const ROLL_SIGMA_RAD: f64 = FRAC_PI_6;
 const PITCH_MEAN_RAD: f64 = FRAC_PI_8;
 /// Standard deviation of the pitch of installed cameras, 22.5 degrees.
 const PITCH_SIGMA_RAD: f64 = FRAC_PI_8;
-/// Cost of a camera that sees no floor in the drawn field of view: ten sigmas, because the drawing states
-/// that the floor is there.
+/// Cost of a camera that sees no floor in the annotated field of view: ten standard deviations, squared. The field of
+/// view is annotated where the floor is visible.
 const NO_FLOOR_COST: f64 = 100.0;
 /// Cosine of 60 degrees of pitch, beyond which the cost of roll decreases.
 const STEEP_PITCH_COS: f64 = 0.5;
@@ -59,7 +59,8 @@ mod tests {
     use crate::camera::{WorldPoint, any_camera};
     use proptest::prelude::*;
 
-    /// Returns the camera that fits lines equally well.
+    /// Returns the twin of a camera, rotated by 180 degrees about the normal of the horizon plane. Both fit lines
+    /// equally well.
     fn twin(camera: &Camera) -> Camera {
         Camera { roll: camera.roll + PI, pitch: -camera.pitch, ..*camera }
     }

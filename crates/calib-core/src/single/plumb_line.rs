@@ -241,10 +241,11 @@ impl<'a> FittedModel<'a> {
     }
 }
 
-/// Returns the nested model with the largest evidence.
+/// Returns the model with the largest evidence, among the models with 0 to 3 radial coefficients.
 ///
-/// The edges must also support the model without the edge whose cost it reduces most. Alternatively, they
-/// must not contradict it very strongly, while that edge supports it very strongly (Kass and Raftery 1995).
+/// The edges must also support the model if the edge with the largest cost reduction is left out. Alternatively, all
+/// edges together must support it very strongly (Kass and Raftery 1995), and the rest must not contradict it very
+/// strongly.
 fn select_model<'a>(
     undistorted: FittedModel<'a>,
     redundancy: i64,
@@ -285,8 +286,8 @@ fn noise_variance(problem: &LensProblem, values: &[f64], dof: i64) -> f64 {
     (problem.cost(values) / dof.max(1) as f64).max(problem.sigma * problem.sigma)
 }
 
-/// Returns the cost reduction of a larger model, without the edge whose cost it reduces most. One edge that
-/// is not straight in space must not determine the lens.
+/// Returns the cost reduction by a larger model, in square pixels, summed over all edges except the edge with the
+/// largest reduction. One edge that is not straight in space must not determine the lens.
 fn shared_gain(smaller: &FittedModel, larger: &LensProblem, values: &[f64]) -> f64 {
     let gains = smaller.problem.costs(&smaller.values).zip(larger.costs(values)).map(|(was, is)| was - is);
     let gains = gains.zip(&larger.repeat_counts);

@@ -173,7 +173,7 @@ impl<'a> Problem<'a> {
     fn focals(&self) -> Vec<f64> {
         /// Range of unknown focal lengths, in image widths.
         const RANGE: [f64; 2] = [0.25, 16.0];
-        /// Number of unknown focal lengths: neighbours differ by a factor of 1.3.
+        /// Number of start values of an unknown focal length; neighbours differ by a factor of 1.3.
         const COUNT: u32 = 17;
         if let Some(focal) = self.options.fixed.focal {
             return vec![focal];
@@ -194,7 +194,8 @@ impl<'a> Problem<'a> {
     /// Returns the `count` candidate cameras with the least loss, ascending by loss. The candidates are the
     /// solutions of P3P for the triples of points and the focal lengths.
     fn best_starts(&self, count: usize) -> Vec<Camera> {
-        /// Largest number of triples that are all used at every focal length.
+        /// Largest number of triples for which every triple is used with every focal length. With more triples, each
+        /// focal length uses every second triple.
         const MAX_TRIPLES_OF_EVERY_FOCAL: usize = 12;
         let triples = triples(self.points, &self.observed);
         let mut best: Vec<(f64, Camera)> = Vec::with_capacity(count + 1);
@@ -533,7 +534,7 @@ fn solve_normal_equations(square: &Square, gradient: &Column, free: &[bool; POSE
 fn triples(points: &[ControlPoint], observed: &[Option<ObservedPixel>]) -> Vec<[usize; 3]> {
     /// Number of triples. With a third of the points wrong, one of 24 is right with a probability of 99.98 %.
     const MAX_TRIPLES: usize = 24;
-    /// Number of triples of which the half with the larger triangles is used.
+    /// Number of sampled triples. The half with the larger triangles in the image is used.
     const SAMPLED: usize = 2 * MAX_TRIPLES;
     let shown: Vec<usize> = (0..points.len()).filter(|&i| observed[i].is_some()).collect();
     let n = shown.len();

@@ -25,8 +25,8 @@ use crate::single::point_fit::{PointFit, PointFitOptions};
 const RANGE: [f64; 2] = [-0.6, 0.6];
 /// Number of intervals of the search grid.
 const INTERVALS: u32 = 12;
-/// Directions of the golden-section searches, in k1 and k2. Along the second one, the radius changes by less
-/// than a fifth of its change in the corners within 0.8 of half the diagonal.
+/// Directions of the golden-section searches, as changes of (k1, k2). The second direction mainly affects the
+/// corners. Within 0.8 of half the diagonal, it changes the radius by less than a fifth of the change in the corners.
 const DIRECTIONS: [[f64; 2]; 2] = [[1.0, 0.0], [-0.6, 1.0]];
 /// Half the length of the first interval of a golden-section search.
 const FIRST_REACH: f64 = 0.1;
@@ -120,9 +120,9 @@ impl Search<'_> {
 }
 
 impl PointFit {
-    /// Fits the camera together with the distortion of its lens, if the points contradict this fit with the
-    /// lens of the options, and support a distortion. The camera of the result has the lens. Returns `None` if
-    /// this fit is kept.
+    /// Fits the camera together with the distortion of its lens. Returns `None` if the points agree with `self`, the
+    /// fit without distortion, or if they do not support a distortion. The camera of the result has the estimated
+    /// lens.
     #[must_use]
     pub fn with_lens(&self, points: &[ControlPoint], options: &PointFitOptions) -> Option<Self> {
         let has_doubts = !self.outliers.is_empty() || is_misfit(self.chi2, self.dof);

@@ -125,8 +125,8 @@ pub(crate) fn upright_residuals<E: Number, N: NumberOver<E>>(
 
 /// Returns the log of the determinant of the covariance of a predicted head, in units of `sigma`.
 ///
-/// This term is a part of the log likelihood, because poses predict the heads with different uncertainties. A
-/// camera at the height of the heads predicts them with any error.
+/// This term is a part of the log likelihood, because the uncertainty of the predicted head depends on the pose. It
+/// is unlimited for a camera at the height of the heads.
 pub(crate) fn upright_log_determinant<E: Number, N: NumberOver<E>>(
     at: &CameraTerms<N>,
     upright: &UprightConstraint<E>,
@@ -217,7 +217,8 @@ fn columns(chart: &Chart) -> [[f64; 3]; 2] {
 /// The formulas are those of [`floor_length`] and [`upright_residuals`], with a homogeneous bearing (x, y, w)
 /// instead of the undistorted pixel (x, y, 1).
 impl<N: Number> CameraTerms<N> {
-    /// Returns `D`, `X D` and `Y D` as linear forms of a bearing.
+    /// Returns the coefficients of `D`, `X D` and `Y D`, which are linear in the bearing (x, y, w). [`floor_length`]
+    /// defines D, X and Y.
     fn forms(&self) -> [[N; 3]; 3] {
         let Self { roll: (sr, cr), pitch: (sp, cp), focal: f, .. } = *self;
         let none = N::constant(0.0);
@@ -316,7 +317,7 @@ fn constant_product<N: Number>(form: [N; 3], [x, y, w]: [f64; 3]) -> N {
     form[0] * x + form[1] * y + form[2] * w
 }
 
-/// Returns `g' C g`.
+/// Returns the variance `g' C g` for a gradient g = `[u, v]` and a covariance C = `[uu, uv, vv]`.
 fn quadratic<E: Number, N: NumberOver<E>>([u, v]: [N; 2], [uu, uv, vv]: [E; 3]) -> N {
     u * u * uu + u * v * (uv * 2.0) + v * v * vv
 }

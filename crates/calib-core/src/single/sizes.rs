@@ -139,7 +139,8 @@ fn in_heights<N: Number>(metres: f64, parameters: &Parameters) -> N {
     N::constant(metres.ln()) - N::parameter(parameters[LOG_HEIGHT], LOG_HEIGHT)
 }
 
-/// Adds the spread of the true log lengths to the noise of a log length (standard deviations).
+/// Returns the standard deviation of a log length: the root of the sum of the squared noise and the squared spread of
+/// the true log lengths.
 #[inline]
 fn with_spread<N: Number>(noise: N, spread: f64) -> N {
     if spread > 0.0 { (noise * noise + spread * spread).sqrt() } else { noise }

@@ -64,8 +64,8 @@ pub fn straightness(lens: &Lens, points: &[Pixel]) -> Option<Vec<f64>> {
     straightness_in_charts_of([lens, lens], points)
 }
 
-/// Computes [`straightness`] in the charts of the second lens, with which the estimate of the first lens
-/// started.
+/// Computes [`straightness`] under the first lens, in the charts of the second lens. The second lens is the initial
+/// value of the estimate of the first.
 pub(crate) fn straightness_in_charts_of(lenses: [&Lens; 2], points: &[Pixel]) -> Option<Vec<f64>> {
     UndistortedPolyline::new(lenses, points).map(|polyline| polyline.distances())
 }
@@ -103,7 +103,8 @@ struct UndistortedPolyline {
     lines: [BestLine; 3],
     /// Weights of the points in the three fits, in order.
     weights: [Vec<f64>; 3],
-    /// Sign of the distances on the side of the normal.
+    /// Sign (1 or -1) that makes distances positive on the side `(-dy, dx)` of the direction `(dx, dy)` from the
+    /// first to the last point.
     sign: f64,
 }
 
@@ -259,8 +260,8 @@ pub fn straightness_rms(lens: &Lens, points: &[Pixel]) -> Option<f64> {
     Some((distances.iter().map(|d| d * d).sum::<f64>() / distances.len().max(1) as f64).sqrt())
 }
 
-/// Returns the sagitta that displacements across a line cause: their range after subtraction of the best
-/// straight displacement.
+/// Returns the sagitta of a line whose points are displaced across it by `moved`. It is the range of the
+/// displacements after subtraction of their best linear fit, in their unit.
 pub(crate) fn sagitta(points: &[[f64; 2]], moved: &[f64]) -> f64 {
     let count = points.len() as f64;
     let (first, last) = (points[0], points[points.len() - 1]);

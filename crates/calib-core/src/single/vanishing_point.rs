@@ -17,8 +17,8 @@ fn bearing_line(line: &LineConstraint) -> [f64; 3] {
     line.chart.map_or(through, |chart| chart.line_to_bearings(through))
 }
 
-/// Returns the homogeneous line through the ends of a segment, rotated into unrolled axes; the array is the
-/// sine and cosine of the roll.
+/// Returns the homogeneous line through the ends of a segment, rotated to compensate the roll of the camera. The
+/// array contains the sine and cosine of the roll.
 pub(crate) fn unrolled(line: &LineConstraint, [sin, cos]: [f64; 2]) -> [f64; 3] {
     if line.chart.is_some() {
         let [a, b, c] = bearing_line(line);
@@ -65,7 +65,8 @@ pub(crate) fn vanishing_point<'a>(lines: impl Iterator<Item = &'a LineConstraint
 
 /// Returns the roll of the camera, in radians, from the vanishing point of the verticals.
 ///
-/// The roll is `atan2(vx, vy)` toward the nadir, measured on the side below the principal point.
+/// The roll is `atan2(vx, vy)`, from the direction toward the nadir. A vanishing point above the principal point is
+/// the zenith, so its direction is reversed. The result is between -pi/2 and pi/2.
 pub(crate) fn roll_from_verticals([x, y, _]: [f64; 3]) -> f64 {
     if y < 0.0 { (-x).atan2(-y) } else { x.atan2(y) }
 }
