@@ -37,8 +37,8 @@ impl NormalEquations {
         Self { information: &worth * root.transpose(), score: worth * whitened }
     }
 
-    /// Returns the lower triangular `C` with `H = C C'`. A small regularisation makes it exist despite
-    /// undetermined unknowns.
+    /// Returns the lower triangular Cholesky factor `C` of the information, `H = C C'`. A small value is added to the
+    /// diagonal, so that `C` exists for undetermined unknowns, too. Returns `None` without any information.
     pub(crate) fn root(&self) -> Option<DMatrix<f64>> {
         /// Value added to the diagonal of the information, relative to its largest diagonal element.
         const REGULARIZATION: f64 = 1e-9;

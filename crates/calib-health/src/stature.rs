@@ -146,9 +146,9 @@ impl Stature {
     }
 }
 
-/// Returns the reference person with the foot at a pixel, with numerical derivatives. Returns `None` where
-/// vertical lines of the scene are closer to horizontal in the image, such as directly below a ceiling
-/// camera. At such positions foot and head are not at the lower and upper ends of a box.
+/// Returns the reference person with the foot at a pixel, with numerical derivatives. Returns `None` if the person is
+/// not visible. Also returns `None` where verticals of the scene are inclined by more than about 27 degrees in the
+/// image. Directly below a ceiling camera, for example, foot and head are not at the lower and upper ends of a box.
 fn compute_reference_person(camera: &Camera, foot: Pixel) -> Option<ReferencePerson> {
     /// Step of the numerical derivatives, in radians, or as a fraction of the focal length.
     const STEP: f64 = 1e-4;

@@ -12,7 +12,8 @@ const MAX_INTERPOLATION_GAP_S: f64 = 1.2;
 /// Standard deviation of the floor position of a walker in one view, in metres, in addition to the noise of
 /// the box.
 const BODY_SIGMA_M: f64 = 0.08;
-/// Distance between two views beyond which they show two people, in metres, without their noise.
+/// Distance between the floor positions of two views above which they show different people, in metres. A margin for
+/// the noise of the positions is added to it.
 const MAX_SAME_PERSON_DISTANCE_M: f64 = 1.5;
 
 /// Derivatives of a floor point with respect to the errors of its camera.

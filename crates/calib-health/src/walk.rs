@@ -291,10 +291,10 @@ fn disagreements(equations: &Equations, claims: &[DMatrix<f64>]) -> Vec<CameraTe
     }
 }
 
-/// Returns the threshold of the significance: at most one walk in twenty accuses a correct camera. The seven
-/// errors of a camera are correlated and count as four independent tests.
+/// Returns the significance above which a camera is reported. At most one walk in twenty reports a correct camera.
+/// The seven errors of a camera are correlated and count as four independent tests.
 fn significance_threshold(equations: &Equations, cameras: usize) -> f64 {
-    /// Probability that a walk accuses at least one correct camera.
+    /// Probability that a walk reports at least one correct camera.
     const FALSE_ALARM_RATE: f64 = 0.05;
     /// Number of independent tests for each camera.
     const INDEPENDENT_TESTS: f64 = 4.0;

@@ -42,7 +42,7 @@ const JOINT_WEIGHT: f64 = 0.7;
 /// Extra significance required of a movement of several parameters, in standard deviations. With few people,
 /// some combination fits outliers by chance.
 const JOINT_PENALTY: f64 = 1.5;
-/// Largest drop of the squared statistic from its maximum for a plausible time of the change.
+/// Largest difference between the maximum of the squared statistic and its value at a plausible time of the change.
 const MAX_PLAUSIBLE_DROP: f64 = 8.0;
 /// Standard deviation of the change of the mean log body height at a camera that did not move, because its
 /// visitors change.
@@ -165,7 +165,8 @@ impl Sources {
         MIN_WINDOWS..(self.windows + 1).saturating_sub(MIN_WINDOWS).max(MIN_WINDOWS)
     }
 
-    /// Returns, for every possible change of a camera, the index of its first window and its statistic.
+    /// Returns the statistic of a change of a camera at every tested time. A time is the index of the first window
+    /// after the change. `moved` contains this index for every camera with a known change.
     pub(crate) fn statistics(&self, camera: usize, moved: &[Option<usize>]) -> Vec<(usize, f64)> {
         let prior_precisions = movement_prior_precisions();
         let of = |at: usize| {
@@ -176,7 +177,8 @@ impl Sources {
         self.times().map(of).collect()
     }
 
-    /// Returns the most likely change of a camera, significant or not.
+    /// Returns the most likely change of a camera, significant or not. Returns `None` if there are too few windows,
+    /// or if the evidence gives no estimate of the movement.
     pub(crate) fn likeliest(&self, camera: usize, moved: &[Option<usize>]) -> Option<DetectedChange> {
         let prior_precisions = movement_prior_precisions();
         let all = self.statistics(camera, moved);
@@ -273,7 +275,7 @@ pub struct Memory {
     boxes: u64,
 }
 
-/// Watch of the cameras of a site from detections of people.
+/// Drift watch: detection of movements of the cameras of a site from detections of people.
 ///
 /// Memory is bounded. The sightings of each camera must be in order of time.
 #[derive(Clone, Debug)]

@@ -25,13 +25,13 @@ pub struct Bars {
 const MAX_BRIGHTNESS: u8 = 40;
 /// Largest difference between the brightest and the darkest pixel of a bar; compression adds some noise.
 const MAX_RANGE: u8 = 20;
-/// Smallest width of a bar, as a fraction of the image.
+/// Smallest thickness of a bar, as a fraction of the width or height of the image.
 const MIN_FRACTION: f64 = 0.02;
 /// Largest width of a bar, as a fraction of the image.
 const MAX_FRACTION: f64 = 0.45;
-/// Smallest increase of the brightness at the end of a bar.
+/// Smallest increase of the brightness from a bar to the picture at a pixel of the border between them, 0 to 255.
 const MIN_STEP: u8 = 24;
-/// Smallest fraction of the end of a bar with such an increase.
+/// Smallest fraction of the pixels along the border of a bar at which the brightness increases by [`MIN_STEP`].
 const MIN_STEP_FRACTION: f64 = 0.25;
 /// Number of rows or columns over which compression blurs the end of a bar.
 const BLUR_PX: u32 = 3;

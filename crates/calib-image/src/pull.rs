@@ -161,12 +161,12 @@ pub(crate) fn find_steepest_change(
     Some((t + shift, peak))
 }
 
-/// Fits the line `t = offset + tilt s` with the most inliers to points `[s, t]`. Returns the offset, the tilt
-/// and the inliers; `None` with fewer than `least` inliers.
+/// Fits the line `t = offset + tilt s` with the most inliers to points `[s, t]`. Returns the offset, the tilt and the
+/// inliers; `None` with fewer than `least` inliers.
 ///
-/// A line is computed through every pair of a subset of the points. The candidate with the most inliers is
-/// fitted to its inliers (Fischler and Bolles 1981, with all pairs instead of random ones). Between two
-/// parallel edges, a mean of both would not be an edge.
+/// A line is computed through every pair of a subset of the points. The candidate with the most inliers is fitted to
+/// its inliers (Fischler and Bolles 1981, with all pairs instead of random ones). A fit to the points of two parallel
+/// edges would be between the edges.
 pub(crate) fn robust_line(points: &[[f64; 2]], least: usize) -> Option<(f64, f64, Vec<[f64; 2]>)> {
     /// Largest number of points whose pairs yield candidates.
     const MAX_CANDIDATE_POINTS: usize = 32;

@@ -50,12 +50,13 @@ pub(crate) struct BundleResult {
     pub(crate) unused: UnusedEvidence,
     /// Estimate of every plane; `None` if the plane is fixed or not used.
     pub(crate) planes: Vec<Option<PlaneEstimate>>,
-    /// Largest root mean square disagreement on the floor after initialisation, in metres; `None` without
+    /// Largest root mean square disagreement of two cameras on the floor, in metres, after the initialisation of the
+    /// poses. Only pairs that share landmarks but no edge of the spanning tree count. `None` if the view graph has no
     /// loops.
     pub(crate) loop_closure: Option<f64>,
     /// Cross-covariances of jointly refined pairs of cameras.
     pub(crate) pairs: HashMap<[usize; 2], CrossCovariance>,
-    /// Indices of the marks that only one camera shows, and whose points determine it in stage 1.
+    /// Indices of the marks that only one camera observes and whose points determine this camera in stage 1.
     pub(crate) single_marks: Vec<usize>,
 }
 
@@ -136,7 +137,8 @@ impl Site {
         result
     }
 
-    /// Returns the indices of the marks that only one camera shows, and whose points determine it in stage 1.
+    /// Returns the indices of the marks that only one camera observes and whose points determine this camera in
+    /// stage 1.
     fn single_marks(&self, members: &[Option<Member>]) -> Vec<usize> {
         let mark = |member: &Member| {
             let is_own =
@@ -247,7 +249,7 @@ impl<'a> Member<'a> {
         takes_part.then_some(Self { entry, single, own })
     }
 
-    /// Whether only points determine the camera.
+    /// Whether only points (control points, or the points of a mark) determine the camera, and not lines.
     const fn has_only_points(&self) -> bool {
         self.single.is_from_points && self.single.fit.is_none()
     }

@@ -129,7 +129,8 @@ fn check_position(at: &At, position: &SurveyedPosition, site: &Site) -> Checked 
     Bounds::DEGREES.check(&at.key("lon_deg"), lon_deg)
 }
 
-/// Checks that a geographic point is near the site. Names exchanged coordinates and a missing minus.
+/// Checks that a geographic point is at most [`MAX_DISTANCE_M`] from the site. If exchanged coordinates or a wrong
+/// sign explains the distance, the error names this cause.
 fn check_distance(at: &At, point: Geographic, site: &Site) -> Checked {
     let Some(reference) = site.geographic_reference() else { return Ok(()) };
     let plane = TangentPlane::new(reference, 0.0);

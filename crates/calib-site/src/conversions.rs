@@ -111,10 +111,11 @@ impl Site {
         self.plan = Some(plan);
     }
 
-    /// Adds walls that are at least 0.1 m long and that the site does not yet contain, to a millimetre. A wall that the
-    /// site contains gets the new height, if there is one. Returns the number of added walls and of shorter ones.
+    /// Adds walls to the site, except walls shorter than 0.1 m. If the site already contains a wall with the same
+    /// ends, rounded to millimetres, the new wall only replaces its height, if it has one. Returns the number of
+    /// added walls, and the number of walls that are too short.
     pub fn add_walls(&mut self, walls: impl IntoIterator<Item = WallEntry>) -> [usize; 2] {
-        /// Shortest line of a drawing that is a wall, in metres. Shorter lines are details.
+        /// Length below which a line of a drawing is a detail and not a wall, in metres.
         const SHORTEST: f64 = 0.1;
         let key = |wall: &WallEntry| {
             let mut ends =
@@ -321,8 +322,9 @@ impl ControlPointEntry {
         Some(ControlPoint { pixel: self.px, world })
     }
 
-    /// Returns the standard deviation of the world coordinates, in metres; 0 if they are exact. Beside site
-    /// coordinates, `sigma_m` belongs to the geographic coordinates.
+    /// Returns the standard deviation of the world coordinates, in metres; 0 if they are exact. If the entry has both
+    /// site and geographic coordinates, the site coordinates are exact, and `sigma_m` belongs to the geographic
+    /// coordinates.
     pub(crate) fn position_sigma(&self) -> f64 {
         let has_both = (self.lat_deg.is_some() || self.crs_m.is_some())
             && (self.world_m.is_some() || self.plan_px.is_some());

@@ -20,7 +20,7 @@ use crate::solution::{DistortionEntry, FailureEntry, Solution, document};
 use crate::survey_entries::{Area, LevelLimitsEntry, Measurement, WallEntry};
 use crate::units::Units;
 
-/// Position of a mark whose file has none.
+/// Default position of a mark that has no position in the file: all coordinates are NaN.
 const fn no_position() -> WorldPoint {
     WorldPoint { x: f64::NAN, y: f64::NAN, z: f64::NAN }
 }

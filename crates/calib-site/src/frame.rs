@@ -9,8 +9,8 @@ use crate::solution::Stage;
 pub(crate) enum Frame {
     /// System of the site: the plan, the control points, or the fixed marks.
     Site,
-    /// System of a connected component that nothing places in the system of the site. The number is the index
-    /// of the component.
+    /// System of a connected component of cameras. No placement, control point, mark or link determines its position
+    /// in the system of the site. The number is the index of the component.
     Component(usize),
     /// Own system of a camera: the origin is the floor point below it.
     Own,
@@ -51,8 +51,9 @@ impl Site {
         if by_camera || by_mark || by_link { Frame::Site } else { Frame::Component(index) }
     }
 
-    /// Returns the coordinate system of most of the cameras; the system of the site if any camera has it.
-    /// Returns `None` without cameras. An own system counts only for a single camera.
+    /// Returns the system of the site if any camera has it, otherwise the system of the component with the most
+    /// cameras. Returns [`Frame::Own`] only for a single camera. Returns `None` without cameras, and for several
+    /// cameras without a common system.
     pub(crate) fn main_frame<'a>(&self, entries: impl Iterator<Item = &'a SiteCamera>) -> Option<Frame> {
         let frames: Vec<Frame> = entries.map(|entry| self.frame(entry)).collect();
         if frames.contains(&Frame::Site) {

@@ -92,8 +92,8 @@ impl GeoreferenceSolution {
         }
     }
 
-    /// Returns the covariance toward east and north of a world point that the errors of the georeference cause, in
-    /// square metres.
+    /// Returns the covariance of the geographic position of a world point, in square metres. Rows and columns are
+    /// east and north. Only the errors of the georeference are included.
     #[must_use]
     pub fn covariance_at(&self, point: FloorPoint) -> [[f64; 2]; 2] {
         let GeoreferenceSigmas { east_m, north_m, azimuth_deg, correlations } = self.sigma;
@@ -105,7 +105,7 @@ impl GeoreferenceSolution {
         georeference_covariance(&covariance, self.x_axis_azimuth_deg.to_radians(), point)
     }
 
-    /// Returns the covariance of [`covariance_at`](Self::covariance_at) along world x and y.
+    /// Returns the same covariance as [`covariance_at`](Self::covariance_at), with world x and y as rows and columns.
     #[must_use]
     pub fn world_covariance_at(&self, point: FloorPoint) -> [[f64; 2]; 2] {
         let (sin, cos) = self.x_axis_azimuth_deg.to_radians().sin_cos();
@@ -359,8 +359,8 @@ impl Site {
             })
     }
 
-    /// Returns the place near which all geographic points must be: the entered georeference, otherwise the
-    /// first point.
+    /// Returns the reference point that all geographic points must be near: the origin of the entered georeference,
+    /// otherwise the first point. Returns `None` if the site has neither.
     pub(crate) fn geographic_reference(&self) -> Option<Geographic> {
         match self.entered_georeference() {
             Some(georeference) => Some(georeference.origin()),

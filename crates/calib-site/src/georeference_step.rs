@@ -14,8 +14,8 @@ use crate::geographic::SurveyedPosition;
 use crate::site_solution::GeoreferenceSolution;
 use crate::solution::{FailureEntry, Solution};
 
-/// Largest distance from the origin of the map that is not reported, in metres. There the ground is 2 m below the
-/// plane of the floor.
+/// Distance of a camera from the origin of the map above which a finding is reported, in metres. At this distance the
+/// ground is 2 m below the plane of the floor.
 const MAX_SITE_RADIUS: f64 = 5e3;
 
 /// Georeference of a site, and findings about its points.
@@ -31,13 +31,14 @@ struct MappedPoints {
     /// Indices of the camera and of the control point in it.
     indices: Vec<[usize; 2]>,
     pairs: Vec<GeographicPair>,
-    /// Standard deviations of each coordinate of the difference between both positions, in metres.
+    /// Standard deviation of the difference between the site position and the map position of every point, for each
+    /// coordinate, in metres.
     sigmas: Vec<f64>,
 }
 
 impl MappedPoints {
-    /// Reports a point that is far from its coordinates on the map, according to at least two others. It is the
-    /// point without which the others agree best.
+    /// Reports the control point whose map coordinates contradict the other points, if there is one. Without this
+    /// point, the others agree best. At least three points are needed.
     fn far_from_map(&self) -> Option<Finding> {
         /// Largest distance of a correct point, in standard deviations of a coordinate.
         const MAX_SIGMAS: f64 = 5.0;
@@ -113,7 +114,8 @@ impl Site {
         (distance > MAX_SITE_RADIUS).then_some(Finding::LargeSite { camera, distance, drop, is_compact })
     }
 
-    /// Reports the control points with coordinates on the map that nothing connects to the site.
+    /// Reports the control points that have only map coordinates and are not used, because the site has no
+    /// georeference.
     fn points_off_the_map(&self) -> Option<Finding> {
         let is_used = |point: &ControlPointEntry| {
             !point.off

@@ -174,7 +174,7 @@ impl Site {
         Ok((views, converted))
     }
 
-    /// Refuses two cameras without common coordinates.
+    /// Returns an error if two different cameras have no common coordinate system.
     fn check_comparable(&self, first: &SiteCamera, other: &SiteCamera) -> Result<(), MeasurementError> {
         let frames = [first, other].map(|entry| self.frame(entry));
         if std::ptr::eq(first, other) || frames[0] == frames[1] && frames[0] != Frame::Own {

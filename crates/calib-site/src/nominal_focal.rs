@@ -41,7 +41,9 @@ impl SiteCamera {
     }
 }
 
-/// Returns the focal length in pixels at which a lens shows a field of view across these axes.
+/// Returns the focal length, in pixels, for a field of view from the data sheet, in degrees. `axes` flags the image
+/// axes along which the field is measured: u, v, or both for the diagonal. Returns `None` for a wide lens, or if an
+/// end of the field is outside the lens model.
 fn focal_from_field(
     lens: &Lens,
     [width, height]: [f64; 2],

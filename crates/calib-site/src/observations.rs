@@ -155,8 +155,8 @@ impl Site {
         }
     }
 
-    /// Removes a camera's only control point, which does not determine the yaw. It is kept if the camera is
-    /// placed or linked.
+    /// Removes the control point of every camera that has only one, because one point does not determine the yaw. The
+    /// point is kept if the camera has a placement, a link or a mark.
     fn drop_single_points(&self, landmarks: &mut Vec<(LandmarkSource, Landmark)>) {
         let linked: HashSet<&str> = self
             .links
@@ -186,7 +186,8 @@ impl Site {
         });
     }
 
-    /// Merges the clicks of several cameras on one surveyed point. The point has one error of its survey.
+    /// Merges the clicks of several cameras on one surveyed point into one landmark. The error of the survey is
+    /// common to all of these clicks.
     fn merge_surveyed_points(&self, landmarks: &mut Vec<(LandmarkSource, Landmark)>) {
         type Survey = (String, [Option<u64>; 2], Option<[u64; 2]>);
         let mut known: HashMap<Survey, usize> = HashMap::new();

@@ -17,8 +17,9 @@ use calib_core::single::{
     straightness_rms,
 };
 
-/// Largest accepted difference of a residual, in pixels. It allows for the recomputation, which estimates
-/// quantities that several lines share, such as the slope of the floor, separately.
+/// Largest accepted difference of a residual, in pixels. Small differences are not changes of the annotations: the
+/// recomputation estimates quantities that several lines share, such as the slope of the floor, separately for every
+/// line.
 const MAX_DIFFERENCE_PX: f64 = 3.0;
 /// Largest accepted difference of a residual, in standard deviations of the annotations.
 const MAX_DIFFERENCE_SIGMAS: f64 = 3.0;

@@ -181,12 +181,13 @@ impl Site {
         single_fits.into_iter().zip(entries.iter().copied()).map(best).collect()
     }
 
-    /// Returns the fit of a camera, or a better one at another principal point, if the lines contradict each
-    /// other at this one.
+    /// Returns the fit of a camera. If its lines contradict each other, returns a better fit with another principal
+    /// point, if one is found.
     ///
-    /// Lines are rejected at a fixed principal point. If it is far off, correct lines contradict each other.
-    /// Therefore all lines are tried together, first near the image centre, then for a cropped image. An
-    /// entered principal point is kept, but another one that explains the lines is reported.
+    /// If the assumed principal point is far from the true one, correct lines contradict each other and are rejected.
+    /// Therefore the principal point is estimated from all lines: first near the image centre, then with the prior of
+    /// a cropped image. An exactly entered principal point is kept, but another one that explains the lines is
+    /// reported.
     fn with_best_centre(
         &self,
         entry: &SiteCamera,
@@ -471,10 +472,11 @@ fn add_single_findings(entry: &SiteCamera, first: &SingleFit, camera: &Camera, r
 /// each other. The lens then probably belongs to another resolution. A principal point of another resolution is
 /// shifted by a similar factor in x and y.
 fn check_resolution(entry: &SiteCamera, first: &SingleFit) -> Option<Finding> {
-    /// Smallest ratio of two resolutions of a camera. The principal point of one camera is nearer to the centre
-    /// of its image.
+    /// Smallest ratio, or its inverse, of the entered principal point to the image centre that indicates another
+    /// resolution. A principal point of the same resolution is nearer to the image centre.
     const MIN_RATIO: f64 = 1.3;
-    /// Largest ratio of the aspects of two resolutions: 16:9 and 4:3 differ by 1.33.
+    /// Largest quotient of the ratios in u and v. Two resolutions can have different aspect ratios: 16:9 and 4:3
+    /// differ by a factor of 1.33.
     const MAX_ASPECT_RATIO: f64 = 1.4;
     /// Ratio from which the principal point is outside the image.
     const OUTSIDE: f64 = 2.0;

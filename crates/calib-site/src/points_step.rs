@@ -28,14 +28,14 @@ pub(crate) struct UsedPoints {
 /// Mistake that explains control points which contradict each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Explanation {
-    /// These two points have each other's pixels, by their indices.
+    /// The pixels of two control points are exchanged. The variant contains the indices of both points.
     Exchanged([usize; 2]),
     /// The points are mirrored.
     Mirrored,
 }
 
 impl Explanation {
-    /// Returns the failure of a camera of which no consensus of points remains.
+    /// Returns the failure of a camera whose control points contain this mistake and have no consistent subset.
     pub(crate) fn failure(self, entry: &SiteCamera) -> Failure {
         match self {
             Self::Mirrored => Failure::MirroredControlPoints,
@@ -46,7 +46,7 @@ impl Explanation {
     }
 }
 
-/// Least number of points of which one can contradict the others.
+/// Smallest number of points for which a wrong point can be detected.
 const MIN_POINTS: usize = 4;
 
 impl UsedPoints {
@@ -116,8 +116,9 @@ impl UsedPoints {
         self.fit(options).is_some_and(|found| is_inconsistent(found.chi2, found.dof))
     }
 
-    /// Fits the camera to the points, if `fits_lens` with a distortion that they support. `None` if points and
-    /// priors do not determine the pose and the focal length, or contradict each other beyond any noise.
+    /// Fits the camera to the points. With `fits_lens`, also fits the distortion, if the points support one. Returns
+    /// `None` if points and priors do not determine the pose and the focal length, or contradict each other beyond
+    /// any noise.
     pub(crate) fn determined(&self, options: &PointFitOptions, fits_lens: bool) -> Option<PointFit> {
         let plain = self.fit(options)?;
         let curved = if fits_lens { plain.with_lens(&self.points, options) } else { None };
@@ -132,11 +133,13 @@ impl UsedPoints {
         fit.outliers.iter().map(|&outlier| self.indices[outlier]).collect()
     }
 
-    /// Returns the indices of the points that contradict the others, for a camera that its lines determine.
+    /// Returns the indices of the points that contradict the others, for a camera that its lines determine. `fit` is
+    /// the fit to the lines, whose orientation and focal length become priors of the fit to the points.
     ///
-    /// Points that all agree with the camera are not searched.
+    /// Returns an empty list for fewer than [`MIN_POINTS`] points.
     pub(crate) fn suspects_beside(&self, fit: &Fit, options: &PointFitOptions) -> Vec<usize> {
-        /// Factor of the standard deviations of the lines: the lines themselves may be slightly wrong.
+        /// Factor that enlarges the standard deviations of the fit to the lines, because the lines may be slightly
+        /// wrong.
         const SPREAD: f64 = 3.0;
         if self.len() < MIN_POINTS {
             return Vec::new();
@@ -146,9 +149,11 @@ impl UsedPoints {
         self.suspects(&found)
     }
 
-    /// Explains points that contradict each other: two that are exchanged, or all of them mirrored.
+    /// Returns the mistake that explains points which contradict each other: two exchanged points, or mirrored
+    /// points. Returns `None` if the points do not contradict each other, or if there is no unique explanation.
     pub(crate) fn explanation(&self, options: &PointFitOptions, suspects: &[usize]) -> Option<Explanation> {
-        /// Largest number of points of which every pair is tried.
+        /// Largest number of points for which the exchange of every pair is tried if no point is suspect. Otherwise
+        /// only pairs of suspect points are tried.
         const MAX_POINTS_FOR_PAIRS: usize = 12;
         let is_good = |found: &PointFit| {
             found.outliers.is_empty()

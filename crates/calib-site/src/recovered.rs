@@ -219,7 +219,8 @@ impl Transfer<'_> {
 /// Function that transfers a line. If the flag is set, only a complete line is accepted.
 type TransferLine<'a> = dyn FnMut(&[Pixel], bool) -> Option<Vec<Pixel>> + 'a;
 
-/// Transfers the segments of an annotation; `None` if the missing segments make it useless.
+/// Transfers the segments of an annotation. Returns `None` if no segment remains and no other annotation can refer to
+/// this one. Also returns `None` for a right angle without its first segment.
 fn segments(annotation: &Annotation, line: &mut TransferLine<'_>) -> Option<Annotation> {
     let row = annotation.kind.row();
     // A part of a segment does not have the known length.

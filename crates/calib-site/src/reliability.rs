@@ -65,8 +65,8 @@ pub(crate) fn add_to_annotations(result: &mut CameraResult, found: &[(Source, Re
     }
 }
 
-/// Adds the reliability of one observation to a residual. For several observations of one element, the residual
-/// has the smallest redundancy number and the largest undetectable move.
+/// Adds the reliability of one observation to a residual. If a link or mark has several observations, the residual
+/// contains the smallest redundancy number and the largest undetectable displacement of the floor.
 fn add(residual: &mut Residual, Reliability { redundancy, undetectable }: Reliability) {
     let redundancy = residual.redundancy.unwrap_or(1.0).min(redundancy);
     let undetectable = residual.undetectable_m.unwrap_or(0.0).max(undetectable);

@@ -21,7 +21,7 @@ use calib_core::single::{
     paper_minimum, residuals_at, slope_finding, suggest_lines,
 };
 
-/// Stage 1 of the cameras whose lens others share, by their ids.
+/// Results of stage 1 of the cameras whose lens other cameras share, by camera id.
 pub(crate) type LensOwners = BTreeMap<String, Result<SingleFit, Failure>>;
 
 /// Inputs from other cameras.
@@ -70,7 +70,8 @@ fn fixed_parameters(
 struct SuggestionContext {
     /// Whether there are other cameras and only few links to them.
     has_neighbours: bool,
-    /// Whether no plan, control point or link gives the scale.
+    /// Whether the scale is undetermined: the site has no plan, and the camera has no control point, link or
+    /// placement with a scale.
     is_scale_open: bool,
 }
 
@@ -100,8 +101,8 @@ pub(crate) struct SingleFit {
 }
 
 impl SingleFit {
-    /// Whether the principal point is estimated with the orientation. That of a fisheye is estimated with its
-    /// straight edges.
+    /// Whether the principal point is estimated together with the orientation. This is false for a fisheye, whose
+    /// principal point is estimated together with its lens.
     pub(crate) fn fits_principal_point(&self) -> bool {
         self.principal_point.is_some() && !self.lens_estimate.lens.distortion.is_wide()
     }

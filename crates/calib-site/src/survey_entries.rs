@@ -157,7 +157,7 @@ impl LevelLimitsEntry {
 }
 
 impl From<LevelLimits> for LevelLimitsEntry {
-    /// Limits that are equal to those of the standard stay absent.
+    /// Creates the entry. Limits that equal the defaults of IEC 62676-4 stay absent.
     fn from(limits: LevelLimits) -> Self {
         let usual = LevelLimits::default();
         let own = |level: DensityLevel| Some(limits.of(level)).filter(|limit| *limit != usual.of(level));

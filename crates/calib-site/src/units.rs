@@ -82,7 +82,7 @@ impl Units {
         (smallest < f64::INFINITY && sum.is_finite()).then_some(sign * sum)
     }
 
-    /// Returns the unit to which the switch of units changes.
+    /// Returns feet for metres, and metres for feet.
     #[must_use]
     pub const fn other(self) -> Self {
         match self {
@@ -166,8 +166,8 @@ impl Units {
         format!("{}, {}", self.number(x, digits), self.length(y, digits))
     }
 
-    /// Returns the smallest step that divides `reach` metres into fewer than `most` parts. The step is in
-    /// metres, and round in this unit.
+    /// Returns the smallest step that divides the distance `reach` into fewer than `most` parts. Both are in metres.
+    /// The step is a round number in this unit, such as 0.5, 1 or 2.
     #[must_use]
     pub fn step(self, reach: f64, most: f64) -> f64 {
         let steps = self.round_lengths();

@@ -113,9 +113,10 @@ impl Camera {
         self.plane_jacobian(pixel, 0.0)
     }
 
-    /// Returns the derivatives of [`Self::floor_jacobian`] for the point of the pixel at `height` metres.
+    /// Returns the same derivatives as [`Self::floor_jacobian`], for the point at which the ray of the pixel meets
+    /// the horizontal plane at `height` metres.
     ///
-    /// Returns `None` if the pixel shows no point at this height.
+    /// Returns `None` if the ray does not meet this plane.
     #[must_use]
     pub fn plane_jacobian(&self, pixel: Pixel, height: f64) -> Option<[[f64; 2]; Covariance::SIZE]> {
         Some(PlaneJacobian::new(self, pixel, Plane::level(height))?.by_estimated())
@@ -182,8 +183,8 @@ impl<'a> PlaneJacobian<'a> {
         self.displacement_on_plane(change).map(|moved| self.reach * moved)
     }
 
-    /// Returns the displacement of the intersection for the displacement `change` of the ray at the
-    /// intersection. The displacement is moved back to the plane along the ray.
+    /// Returns the displacement of the intersection, along x and y, if the ray is shifted by the vector `change` in
+    /// world axes. The direction of the ray does not change.
     fn displacement_on_plane(&self, change: [f64; 3]) -> [f64; 2] {
         let off = self.plane.rise(&change);
         [0, 1].map(|i| change[i] - self.direction[i] * off / self.rise)

@@ -175,8 +175,8 @@ pub struct Reach {
     /// Standard deviation of the distance, in metres, from the errors of the calibration. `None` if an error is
     /// unknown, or if the border of the view or a wall limits the distance in this direction.
     pub sigma: Option<f64>,
-    /// Whether the camera sees farther floor with a lower density. Otherwise it reaches the density as far as it
-    /// sees the floor.
+    /// Whether the density limits the distance: the camera also sees farther floor, but with a lower density.
+    /// Otherwise the visible floor ends before the density falls to the limit.
     pub is_limited_by_density: bool,
 }
 
@@ -196,7 +196,8 @@ impl CoverageCamera<'_> {
     ) -> [Option<Reach>; N] {
         /// Number of grid points along each side of the EFOV.
         const SIDE_POINTS: usize = 150;
-        /// Smallest distance of a point whose direction is searched, as a share of the largest distance.
+        /// Smallest distance of a grid point whose direction is searched, as a share of the distance of the farthest
+        /// grid point that reaches the density.
         const MIN_SHARE: f64 = 0.98;
         /// Largest number of directions that are searched.
         const MAX_CANDIDATES: usize = 60;
@@ -264,7 +265,8 @@ impl CoverageCamera<'_> {
     }
 }
 
-/// Border of a pixel density in the direction of a floor point.
+/// Search for the border of a pixel density: the distance from the camera, in the direction of a floor point, at
+/// which the density falls below a limit.
 struct Border<'a> {
     camera: &'a CoverageCamera<'a>,
     around: &'a WallsAround,
@@ -285,9 +287,12 @@ impl Border<'_> {
         WorldPoint::new(camera.position.x + x, camera.position.y + y, self.height)
     }
 
-    /// Returns the distance of the border and its standard deviation. `least` is the distance of the point,
-    /// and `step` the distance of grid points. Returns `None` if the density does not end within two steps in
-    /// this direction, or if the EFOV or a wall ends the view before the density falls to the limit.
+    /// Returns the distance from the foot of the camera to the border, and its standard deviation, in metres. The
+    /// standard deviation is `None` if an error of the camera is unknown. `least` is the distance of the floor point,
+    /// and `step` the distance between grid points.
+    ///
+    /// Returns `None` if the density is still reached two steps farther. Also returns `None` if the EFOV, the image
+    /// or a wall ends the view before the density falls to the limit.
     fn refine(&self, least: f64, step: f64) -> Option<(f64, Option<f64>)> {
         /// Number of bisection steps.
         const HALVINGS: usize = 40;

@@ -89,7 +89,8 @@ impl Camera {
     }
 }
 
-/// Returns the place between two pixels at which a condition changes. `at_start` is the condition at the first pixel.
+/// Returns the pixel between two pixels at which the condition `holds` changes, by bisection. `at_start` is the value
+/// of the condition at the first pixel.
 fn crossing([mut from, mut to]: [Pixel; 2], at_start: bool, holds: impl Fn(Pixel) -> bool) -> Pixel {
     let middle = |a: Pixel, b: Pixel| Pixel { u: 0.5 * (a.u + b.u), v: 0.5 * (a.v + b.v) };
     for _ in 0..BISECTIONS {

@@ -61,7 +61,7 @@ pub(super) fn store<T: Copy, const N: usize>(values: &[T; N], to: &mut [T]) {
     }
 }
 
-/// Returns the first values as a block, or a padded copy of them in `spare`.
+/// Returns the first `N` values. If there are fewer values, copies them to the start of `spare` and returns `spare`.
 #[inline(always)]
 pub(super) fn block<'a, const N: usize>(values: &'a [f64], spare: &'a mut [f64; N]) -> &'a [f64; N] {
     if let Some(all) = values.first_chunk() {

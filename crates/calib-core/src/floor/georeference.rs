@@ -38,11 +38,11 @@ pub struct GeoreferenceFit {
     pub covariance: [[f64; 3]; 3],
 }
 
-/// Returns the covariance toward east and north of a world point that the errors of the georeference cause, in
-/// square metres. `azimuth` is the azimuth of world +x, in radians.
+/// Returns the covariance of the geographic position of a world point, in square metres. Rows and columns are east
+/// and north. Only the errors of the georeference are included: `covariance` is [`GeoreferenceFit::covariance`], and
+/// `azimuth` is the azimuth of world +x, in radians.
 ///
-/// With the point at (e, n) from the world origin, `d(east) = d(east_0) + n da` and
-/// `d(north) = d(north_0) - e da`.
+/// With the point at (e, n) from the world origin, `d(east) = d(east_0) + n da` and `d(north) = d(north_0) - e da`.
 #[must_use]
 pub fn georeference_covariance(covariance: &[[f64; 3]; 3], azimuth: f64, point: FloorPoint) -> [[f64; 2]; 2] {
     let (sin, cos) = azimuth.sin_cos();
@@ -69,8 +69,8 @@ impl GeoreferenceFit {
     /// Fits the georeference to at least two points at different places; otherwise `None`.
     #[must_use]
     pub fn new(pairs: &[GeographicPair]) -> Option<Self> {
-        /// Number of repetitions with the plane at the last estimate of the origin. Meridians converge, so that
-        /// north at a point differs from north at the origin.
+        /// Number of repetitions of the fit. Each uses the tangent plane at the last estimate of the origin.
+        /// Meridians converge, so north at another point differs from north at the origin.
         const REPETITIONS: usize = 3;
         let mut found = Self::in_plane(pairs, pairs.first()?.geographic)?;
         for _ in 0..REPETITIONS {

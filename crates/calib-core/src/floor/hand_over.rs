@@ -35,7 +35,8 @@ pub struct HandOver {
 pub struct Disagreement {
     /// RMS over the zone.
     pub rms: f64,
-    /// RMS at the worst point: of the sample, and of the points that are farthest in eight directions.
+    /// Largest RMS at a single point. The tested points are the sample, and the points of the zone that are farthest
+    /// in eight directions.
     pub worst: f64,
     /// Floor point with the largest expected disagreement.
     pub worst_at: FloorPoint,
@@ -85,8 +86,9 @@ impl Zone {
         None
     }
 
-    /// Returns the grid indices of at most `most` points, evenly spread over the zone. The numbers are multiples of the
-    /// golden ratio, modulo one: a constant stride would fall on few columns.
+    /// Returns the grid indices of at most `most` points, evenly spread over the zone. The positions in the list of
+    /// all points are multiples of the golden ratio, modulo one. A constant distance in the list could select points
+    /// in only a few columns of the grid.
     fn sample(&self, most: usize) -> Vec<usize> {
         const GOLDEN_RATIO: f64 = 0.618_033_988_749_894_9;
         if self.points <= most {

@@ -48,7 +48,8 @@ pub fn in_front(a: [f64; 3], b: [f64; 3], near: f64) -> Option<[[f64; 3]; 2]> {
     }
 }
 
-/// Great-circle arc between two rays. The rays may have any length, in any axes that map planes to planes.
+/// Arc of a great circle between two rays, which contains the rays to all points of a straight segment in space. The
+/// axes of the rays may be scaled: planes through the camera remain planes, so the arc contains the same rays.
 #[derive(Clone, Copy, Debug)]
 struct Arc {
     /// Unit vectors of the two rays.
@@ -73,8 +74,8 @@ impl Arc {
         Self { ends: [a, b], angle: cosine.acos() }
     }
 
-    /// Creates the arc between the rays of two pixels, in normalised axes. Returns `None` if the lens shows
-    /// no ray at one of them.
+    /// Creates the arc between the rays of two pixels. The rays are bearings with the first two components divided by
+    /// the focal length of the lens. Returns `None` if the lens shows no ray at one of the pixels.
     fn of_pixels(lens: &Lens, [a, b]: [Pixel; 2]) -> Option<Self> {
         let ray = |pixel| lens.bearing(pixel).map(|[x, y, w]| [x / lens.focal, y / lens.focal, w]);
         Some(Self::between([ray(a)?, ray(b)?]))

@@ -99,9 +99,9 @@ impl Channels {
 impl Undistortion {
     /// Prepares the undistortion of raw images of `width` x `height` pixels. The new image has the same size.
     ///
-    /// Returns `None` for images of fewer than 2 x 2 pixels, and of 1.4 gigapixels and more. Also returns
-    /// `None` for other crops than the same focal length if no flat image contains a side of the raw image,
-    /// as around an image circle.
+    /// Returns `None` for images of fewer than 2 x 2 pixels, and of 1.4 gigapixels and more. The other crops than
+    /// [`Crop::SameFocal`] need the sides of the raw image. For them, also returns `None` if the sides cannot be
+    /// undistorted, as around an image circle.
     #[must_use]
     pub fn new(lens: &Lens, width: usize, height: usize, crop: Crop) -> Option<Self> {
         let bytes = width.checked_mul(height)?.checked_mul(3)?;
@@ -355,7 +355,8 @@ fn pack(width: usize, height: usize, u: &[f32], v: &[f32], index: &mut [u32], fr
 /// Returns the nearest integer between 0 and `most`, which is below 2^22. Returns 0 for NaN.
 #[inline(always)]
 fn rounded(x: f32, most: f32) -> i32 {
-    /// Offset that moves the units of a number to the last bit of its mantissa.
+    /// Number `1.5 * 2^23`. If it is added, the last bit of the mantissa has the value 1, so the sum is rounded to an
+    /// integer.
     const SHIFT: f32 = 12_582_912.0;
     let x = if x > 0.0 { x } else { 0.0 };
     let x = if x < most { x } else { most };
@@ -414,7 +415,7 @@ pub struct StraightView {
 pub enum StraightViewError {
     /// The stream is stretched.
     Stretched,
-    /// No flat image contains a side of the raw image, which the crop requires.
+    /// The crop needs the sides of the raw image, which cannot be undistorted, as around an image circle.
     Round,
     /// The images are too small or too large.
     Size,

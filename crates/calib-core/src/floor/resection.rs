@@ -226,9 +226,9 @@ fn pixel_derivatives(camera: &Camera, points: &[ControlPoint], index: usize) -> 
     points.iter().flat_map(|point| pixel_derivative(&pose, point.world, index).unwrap_or_default()).collect()
 }
 
-/// Returns the derivative of the raw pixel (u, v) of a point by one parameter of the camera. By the chain
-/// rule, `d raw = (d raw / d undistorted) d undistorted`. A distortion coefficient and the
-/// principal point change only the raw pixel.
+/// Returns the derivative of the raw pixel (u, v) of a point by the camera parameter with the index `index` in
+/// [`Covariance`]. By the chain rule, `d raw = (d raw / d undistorted) d undistorted`. A distortion coefficient and
+/// the principal point change only the raw pixel. Returns `None` if the point is not visible.
 fn pixel_derivative(pose: &PosedCamera, world: WorldPoint, index: usize) -> Option<[f64; 2]> {
     let lens = &pose.camera.lens;
     if lens.distortion.is_wide() {

@@ -224,9 +224,8 @@ impl<'a> SurfaceProjector<'a> {
         }
     }
 
-    /// Computes the covariances of the surface points that raw pixels `(u, v)` show: of the first intersection of each
-    /// ray with a surface. The pixel part and
-    /// the calibration part have the layout of [`FloorCovariance::rows`].
+    /// Computes the covariances of the points that raw pixels `(u, v)` show: the first intersection of each ray with
+    /// a surface or the floor. The pixel part and the calibration part have the layout of [`FloorCovariance::rows`].
     pub(super) fn covariances(
         &self,
         [u, v]: [&[f64]; 2],

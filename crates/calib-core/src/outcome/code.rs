@@ -39,7 +39,7 @@ codes! {
     Code {
         /// The predicted standard deviation of the focal length, before the weak prior, is over 20 %.
         FocalUnobservable = "focal-unobservable",
-        /// A second minimum has a chi-square within 6 of the best.
+        /// Another camera fits the lines almost as well: the chi-square of a second minimum is larger by less than 6.
         TwoSolutions = "two-solutions",
         /// The predicted relative error of floor lengths is over 3 %.
         Weak = "weak",
@@ -49,7 +49,7 @@ codes! {
         Outlier = "outlier",
         /// The annotations contradict each other, and no single annotation explains it.
         Misfit = "misfit",
-        /// Two control points have each other's pixels.
+        /// The pixels of two control points are exchanged.
         PointsExchanged = "points-exchanged",
         /// There are too few redundant lines to detect errors in the annotations.
         Unchecked = "unchecked",
@@ -79,7 +79,7 @@ codes! {
         PrincipalPoint = "principal-point",
         /// The entered principal point is the centre of an image of another resolution.
         TwoResolutions = "two-resolutions",
-        /// Unknown slope of the ground, on which floor lengths depend.
+        /// Floor lengths depend on the slope of the ground, which is unknown.
         FloorSlope = "floor-slope",
         /// Recorders code images of this size with pixels that are not square, and no pixel aspect is entered.
         PixelsNotSquare = "pixels-not-square",
@@ -89,7 +89,7 @@ codes! {
         ScaleUnknown = "scale-unknown",
         /// The scale of the camera is unknown: its height is assumed to be 3 m, as in the paper.
         ScaleAssumed = "scale-assumed",
-        /// The camera was placed by hand, so its position has no uncertainty.
+        /// The camera was placed by hand, so the uncertainty of its position is unknown.
         PlacedByHand = "placed-by-hand",
         /// The placement disagrees with a height, length or upright by more than 3 sigma.
         ScaleConflict = "scale-conflict",

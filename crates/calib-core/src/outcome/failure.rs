@@ -12,11 +12,11 @@ codes! {
         TooFewLines = "too-few-lines",
         /// The lines leave more than one parameter undetermined.
         Underdetermined = "underdetermined",
-        /// No minimum with possible geometry was found.
+        /// No possible camera fits the lines or control points.
         NoSolution = "no-solution",
         /// A value that the method needs is missing or contradicts another value.
         MissingValue = "missing-value",
-        /// Two control points have each other's pixels.
+        /// The pixels of two control points are exchanged.
         PointsExchanged = "points-exchanged",
         /// The control points fit only the mirror image of the scene.
         Mirrored = "mirrored",
@@ -47,7 +47,7 @@ pub enum Failure {
         /// Number of control points that are switched on.
         count: usize,
     },
-    /// The control points fit only if two of them exchange their pixels.
+    /// The control points fit a camera only if the pixels of two of them are exchanged.
     ExchangedControlPoints {
         /// Names of the two points.
         points: [String; 2],

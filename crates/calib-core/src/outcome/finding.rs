@@ -197,7 +197,7 @@ pub enum Finding {
         /// Width and height of the image, in pixels.
         size: [u32; 2],
     },
-    /// Unknown slope of the ground, on which floor lengths depend.
+    /// Floor lengths depend on the slope of the ground, which is unknown.
     UnknownSlope {
         /// Relative standard deviation of floor lengths, for ground that slopes as usual.
         usual: f64,
@@ -386,7 +386,7 @@ pub enum Finding {
         /// Assumed height, in metres.
         height: f64,
     },
-    /// The camera was placed by hand, so its position has no uncertainty.
+    /// The camera was placed by hand, so the uncertainty of its position is unknown.
     PlacedByHand,
     /// The placement disagrees with the entered or estimated height.
     ScaleConflict {

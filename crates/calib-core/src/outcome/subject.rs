@@ -101,7 +101,8 @@ pub struct Residual {
     /// this one) to 1. Absent if it is not known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub redundancy: Option<f64>,
-    /// Largest root mean square move of the floor by an error of this evidence that is not detected, in metres.
+    /// Largest root mean square displacement of the floor, in metres, that an undetected error of this evidence can
+    /// cause. Absent if it is not known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub undetectable_m: Option<f64>,
 }
@@ -109,8 +110,8 @@ pub struct Residual {
 /// Redundancy below which an observation is not checked by others (Förstner 1987).
 const MIN_REDUNDANCY: f64 = 0.01;
 
-/// Largest accepted undetected move of the floor by an observation without redundancy, in camera heights. Two
-/// links between two cameras exceed it. Three links at different places do not.
+/// Largest accepted displacement of the floor by an undetected error of an observation without redundancy, in camera
+/// heights. Two links between two cameras exceed this limit. Three links at different places do not.
 const MAX_ACCEPTED_MOVE: f64 = 0.5;
 
 /// Whether a gross error of an observation may stay undetected, although it moves the floor by more than half of

@@ -146,8 +146,8 @@ pub struct Comparison {
     pub rotation: RotationZoom,
     /// Covariance of the rotation vector, in radians, and the zoom (logarithm of the focal ratio).
     pub covariance: [[f64; RotationZoom::SIZE]; RotationZoom::SIZE],
-    /// Covariance if no errors except the shifts of edges and image blocks were common to several samples. It
-    /// is an approximate lower bound for any estimate from these edges.
+    /// Covariance under the assumption that only the shifts of edges and of image blocks are common to several
+    /// samples. It is an approximate lower bound for any estimate from these edges.
     pub bound: [[f64; RotationZoom::SIZE]; RotationZoom::SIZE],
     /// Significance of the rotation and zoom, as a z-score.
     pub z_score: f64,

@@ -83,7 +83,8 @@ impl Motion {
 }
 
 impl MovedCamera {
-    /// Projects the floor or far point of a sight into the new image; `None` outside the lens.
+    /// Projects a sight into the new image: its floor point, or above the horizon a point at infinity. Returns `None`
+    /// outside the lens.
     pub(crate) fn project(&self, sight: &Sight) -> Option<Pixel> {
         self.here.ray_to_pixel(self.ray(sight))
     }

@@ -66,8 +66,9 @@ impl StepAlignment {
             && self.effect(camera, places, turned) > MIN_EFFECT_PX
     }
 
-    /// Whether most inliers are not found by chance, or the step has significantly more inliers than the
-    /// rotation `turned` alone. Chance finds as many samples with a step as with a rotation.
+    /// Whether chance does not explain the inliers: there are far more inliers than samples found by chance, or
+    /// significantly more than with the rotation `turned` alone. Chance finds as many samples with a step as with a
+    /// rotation. `chance` is the fraction of samples found by chance.
     fn is_found(&self, turned: &Alignment, chance: f64) -> bool {
         /// Smallest ratio of the number of inliers to the number of samples found by chance.
         const MIN_CHANCE_RATIO: f64 = 4.0;

@@ -95,8 +95,8 @@ impl ImageTransfer for AnnotationTransfer<'_> {
 }
 
 impl AnnotationTransfer<'_> {
-    /// Returns the correlation of the surroundings of a point with the new image, `step` pixels from the
-    /// mapped position; -1 at the image border.
+    /// Returns the correlation between the surroundings of a point of the old image and the new image. The position
+    /// in the new image is the mapped point plus `step`, in pixels. Returns -1 at the image border.
     fn correlation_at(&self, old: Pixel, step: [f64; 2]) -> f64 {
         /// Half the side of the compared surroundings, in pixels of the old image.
         const PATCH_HALF_PX: i32 = 6;

@@ -293,7 +293,7 @@ pub struct RotationFit {
     pub estimate: DVector<f64>,
     /// Covariance of the estimate: the cluster-robust part plus the part of image-wide errors.
     pub covariance: DMatrix<f64>,
-    /// Covariance if no errors except the shifts of edges and blocks were common to several samples. It
+    /// Covariance under the assumption that only the shifts of edges and of blocks are common to several samples. It
     /// approximates the lower bound for any estimator from these edges (Cramér 1946, Rao 1945).
     pub bound: DMatrix<f64>,
     /// Scatter of the samples beyond their own noise.

@@ -247,7 +247,8 @@ struct Grouping {
     lines: Vec<Line>,
     /// Mixtures, the likeliest first.
     mixtures: Vec<Mixture>,
-    /// Relative standard deviation of the focal length of the likeliest mixture by the uncertainty of the lens.
+    /// Relative standard deviation that the uncertainty of the lens causes in the focal length of the likeliest
+    /// mixture.
     lens_sigma: f64,
 }
 
@@ -471,7 +472,7 @@ impl EdgeImage {
         self.known_centre().or_else(|| (!self.bars.are_symmetric()).then_some(off_centre))
     }
 
-    /// Returns the reasons to doubt the image itself.
+    /// Returns the reasons for a reduced confidence that follow from the size and the bars of the image.
     fn doubts(&self) -> Vec<Reason> {
         let bars = (!self.bars.are_symmetric()).then_some(Reason::Bars { bars: self.bars });
         self.pixel_doubt().into_iter().chain(bars).collect()
@@ -537,8 +538,9 @@ impl EdgeImage {
 
 /// Returns the relative standard deviation of the focal length of the solution of a camera entry.
 ///
-/// The strokes share their errors, which the solver does not know. The uncertainty of the principal point is
-/// not among these errors. Therefore the solution with the principal point held gives the other part.
+/// The strokes have common errors that the solver treats as independent. Therefore the part from the lines is
+/// multiplied by [`SIGMA_INFLATION`]. The part from the uncertainty of the principal point is not. A second solution
+/// with a fixed principal point separates both parts.
 fn own_focal_sigma(camera: &SiteCamera, solution: &Solution) -> f64 {
     let relative = |solution: &Solution| {
         let sigma = solution.sigma.as_ref().and_then(|sigma| sigma.focal_px);
@@ -566,10 +568,11 @@ fn is_different_camera(found_deg: [Option<f64>; 2], camera: &Orientation) -> boo
     differs(found_deg[0], camera.roll) || differs(found_deg[1], camera.pitch)
 }
 
-/// Returns the reason to doubt that a camera is mounted upright. The edges of a scene also fit a camera that is
-/// turned by 90 or 180 degrees. So the pose is doubtful if the pose of the turned camera is also usual.
+/// Returns the reason for a reduced confidence if the camera may not be mounted upright, otherwise `None`. The edges
+/// of a scene also fit a camera that is rotated by 90 or 180 degrees. The pose is therefore doubtful if the pose of
+/// the rotated camera is usual, too.
 fn doubtful_mount(mixture: &Mixture) -> Option<Reason> {
-    /// Pitch below which a camera hangs upside down as likely as it looks up, in radians.
+    /// Pitch below which a camera that hangs upside down is as likely as a camera that looks up, in radians.
     const MIN_USUAL_PITCH_RAD: f64 = -0.17;
     /// Largest deviation of the roll of a camera on its side from 90 degrees, in radians.
     const MAX_SIDE_ROLL_RAD: f64 = 0.035;

@@ -32,7 +32,7 @@ const STARTS: [f64; 7] = [0.0, -0.08, -0.16, -0.26, -0.4, -0.6, 0.1];
 const SYSTEMATIC_SIGMA_PX: f64 = 0.08;
 /// Share of edges that are curved in the scene.
 const CURVED_FRACTION: f64 = 0.15;
-/// Standard deviation of the rise of such edges, in pixels.
+/// Standard deviation of the rise of edges that are curved in the scene, in pixels.
 const CURVED_SIGMA_PX: f64 = 1.0;
 /// Average number of edges with the same error.
 const EDGE_CORRELATION: f64 = 4.0;
@@ -160,7 +160,8 @@ impl Problem<'_> {
         self.normal_equations(k).0.try_inverse().unwrap_or(prior)
     }
 
-    /// Returns the normal equations of one Gauss-Newton step. Every edge has the weight of its mixture.
+    /// Returns the normal equations of one Gauss-Newton step. The weight of an edge follows from the probabilities
+    /// that it is straight or curved in the scene.
     fn normal_equations(&self, k: Vector2<f64>) -> (Matrix2<f64>, Vector2<f64>) {
         /// Step of the finite differences.
         const STEP: f64 = 1e-5;

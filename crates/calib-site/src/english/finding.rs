@@ -46,7 +46,7 @@ impl Site {
 /// Message for a camera with an unknown uncertainty.
 const UNCERTAINTY_UNKNOWN: &str =
     "The uncertainty of this camera is unknown: it has no annotations, or they contradict each other.";
-/// Advice for a camera that fits its lines with two rolls.
+/// Advice for a camera whose lines also fit a camera rotated by about 180 degrees.
 const TURNED_ADVICE: &str = "The same lines fit a camera that is mounted the other way up. Enter the roll, draw a \
                              person or a length on the floor, or draw the field of view on the floor.";
 /// Message for an imported camera whose file contains no standard deviations.

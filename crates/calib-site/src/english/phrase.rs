@@ -11,7 +11,8 @@ use crate::document::{Site, SiteCamera};
 use crate::units::Units;
 
 impl Site {
-    /// Returns a note for users of the lengths of a calibrated camera if its scale is unknown.
+    /// Returns a note that lengths measured with a calibrated camera can be wrong by a common factor. Returns `None`
+    /// if the scale of the camera is known, or if the camera is not calibrated.
     #[must_use]
     pub fn scale_note(&self, entry: &SiteCamera) -> Option<String> {
         let solution =

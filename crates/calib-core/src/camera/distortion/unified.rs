@@ -64,8 +64,8 @@ impl Unified {
         self.lens().undistort(distorted)
     }
 
-    /// Returns the point before distortion of a ray. A point of a ray that the lens does not show is the image
-    /// centre; callers pass only rays of the lens.
+    /// Returns the point of a ray before the distortion. Returns the image centre for a ray that the lens does not
+    /// show, but callers pass only rays that the lens shows.
     fn point_of_ray(&self, ray: [f64; 3]) -> [f64; 2] {
         self.sphere().ray_to_distorted(ray).unwrap_or_default()
     }
