@@ -189,7 +189,7 @@ fn hundred_percent_is_one_image_pixel_per_screen_pixel() {
 
 /// Returns the plan's text about another camera.
 fn agreement(desk: &Desk, id: &str) -> Option<String> {
-    desk.words().into_iter().find(|word| word.starts_with(&format!("{id} overlap ")))
+    desk.words().into_iter().find(|word| word.starts_with(&format!("{id}: overlap ")))
 }
 
 #[test]
