@@ -145,10 +145,10 @@ fn handle_press(
 
 /// Returns the capture time of the image at a screen point: the newer or the calibrated image, whichever the canvas
 /// shows there. `None` if it is unknown, or if the camera has no newer image.
-fn captured_under(app: &App, key: (Place, Pane), at: Pos2) -> Option<String> {
-    let Pane::Image(camera) = key.1 else { return None };
+fn captured_under(app: &App, pane: Pane, shows_newer: bool) -> Option<String> {
+    let Pane::Image(camera) = pane else { return None };
     let [old, new] = &app.editor.newer(camera)?.captured;
-    if newer_under(app, key, at).is_some() { new.clone() } else { old.clone() }
+    if shows_newer { new.clone() } else { old.clone() }
 }
 
 /// Returns the newer image of a camera if the canvas shows it at a screen point.
@@ -189,6 +189,7 @@ fn send_pointer(
         still = name.and_then(|name| app.pictures.ready(name)).map(|picture| Arc::clone(&picture.image));
         offer = app.edge_under_pointer(ui.ctx(), camera, at_px.into(), snap::SNAP_RADIUS_PX);
     }
+    let newer = newer_under(app, key, at);
     let pointer = Pointer {
         pane,
         at: at_px,
@@ -199,8 +200,8 @@ fn send_pointer(
         moved: app.view.panes.moved,
         double: app.view.panes.double,
         edge: offer,
-        captured: captured_under(app, key, at),
-        newer: newer_under(app, key, at),
+        captured: captured_under(app, pane, newer.is_some()),
+        newer,
         image: still,
     };
     app.act(Action::Pointer(pointer));

@@ -160,11 +160,11 @@ impl Measure {
             if is_named { by_name } else { times_by(clicks, TimeSource::Exif) }
         };
         let instant = |time: Option<&Option<String>>| nanoseconds(time?.as_ref()?);
-        let ends = times_of(&clicks);
-        if is_speed && instant(ends.first()) > instant(ends.last()) {
+        let mut times = times_of(&clicks);
+        if is_speed && instant(times.first()) > instant(times.last()) {
             clicks.reverse();
+            times.reverse();
         }
-        let times = times_of(&clicks);
         let has_times =
             is_speed && times.iter().all(Option::is_some) && instant(times.first()) != instant(times.last());
         let periods: Vec<Option<String>> =
