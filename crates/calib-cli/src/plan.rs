@@ -5,8 +5,8 @@ use std::path::Path;
 
 use calib_core::PlanPixel;
 use calib_plan::{Drawing, DrawingFacts, DrawingKind, ScaleSource, View};
-use calib_report::shortened_list;
-use calib_site::{CoordinateSystem, MapPosition, Plan, Site, WallEntry, counted};
+use calib_report::{added_walls_text, shortened_list};
+use calib_site::{CoordinateSystem, MapPosition, Plan, Site, WallEntry};
 use serde_json::{Value, json};
 
 use crate::args::{grid, unit};
@@ -252,14 +252,8 @@ fn write_site(
     site.replace_plan(plan);
     let [added, short] = site.add_walls(entries);
     if !args.walls.is_empty() {
-        let short = (short, "line shorter than 0.1 m", "lines shorter than 0.1 m");
-        let left_out = [(walls.others, "curve", "curves"), short];
-        let left_out = left_out.into_iter().filter(|(count, ..)| *count > 0);
-        let left_out: Vec<String> = left_out.map(|(count, one, more)| counted(count, one, more)).collect();
-        let left_out =
-            if left_out.is_empty() { String::new() } else { format!("; left out: {}", left_out.join(", ")) };
-        let added = counted(added, "wall", "walls");
-        print_message(format_args!("calib: {added} added from {}{left_out}", args.walls.join(", ")));
+        let text = added_walls_text(&args.walls.join(", "), added, walls.others, short);
+        print_message(format_args!("calib: {text}"));
     }
     site.check().map_err(|error| {
         let advice = if added > 0 { "; choose a layer with fewer lines" } else { "" };

@@ -3,7 +3,7 @@
 use calib_core::FloorPoint;
 use calib_core::floor::{DensityLevel, LevelLimits};
 use calib_draw::Rgb;
-use calib_site::{Site, SiteCoverage};
+use calib_site::{Site, SiteCoverage, counted};
 
 use crate::plan_quality::Sample;
 use crate::svg::{Anchor, Stroke, Svg};
@@ -26,7 +26,8 @@ pub const fn level_colour(level: Option<DensityLevel>) -> Rgb {
     }
 }
 
-/// Returns the colour of floor that this number of cameras sees, at least one. The colours are those of the levels.
+/// Returns the colour of floor that `cameras` cameras see. The number is at least one. One camera has the colour of the
+/// lowest level, each further camera the colour of the next level.
 pub fn count_colour(cameras: usize) -> Rgb {
     level_colour(DensityLevel::ALL.get(cameras.saturating_sub(1)).or(DensityLevel::ALL.last()).copied())
 }
@@ -42,6 +43,19 @@ pub fn level_text(level: Option<DensityLevel>, limits: &LevelLimits) -> String {
 /// Returns the levels in the order of the legend; `None` is visible floor below all levels.
 pub fn levels() -> impl Iterator<Item = Option<DensityLevel>> {
     std::iter::once(None).chain(DensityLevel::ALL.into_iter().map(Some))
+}
+
+/// Describes the walls that were made of the lines of a drawing, such as "4 walls added from WALLS; left out: 2 curves".
+/// `curves` and `short` are the numbers of lines that became no walls.
+#[must_use]
+pub fn added_walls_text(layers: &str, added: usize, curves: usize, short: usize) -> String {
+    let left_out =
+        [(curves, "curve", "curves"), (short, "line shorter than 0.1 m", "lines shorter than 0.1 m")];
+    let left_out = left_out.into_iter().filter(|(count, ..)| *count > 0);
+    let left_out: Vec<String> = left_out.map(|(count, one, more)| counted(count, one, more)).collect();
+    let left_out =
+        if left_out.is_empty() { String::new() } else { format!("; left out: {}", left_out.join(", ")) };
+    format!("{} added from {layers}{left_out}", counted(added, "wall", "walls"))
 }
 
 /// Returns the entries of the legend.

@@ -32,7 +32,7 @@ mod summary;
 mod page;
 mod watch_page;
 
-pub use coverage_layer::{count_colour, level_colour, level_text, levels};
+pub use coverage_layer::{added_walls_text, count_colour, level_colour, level_text, levels};
 pub use coverage_page::{CoveragePage, hand_over_text};
 pub use measurement_section::{measurement_name, measurement_text, speed_remark};
 pub use overlay::overlay;

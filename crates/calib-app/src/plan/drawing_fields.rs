@@ -4,6 +4,7 @@
 use calib_core::PlanPixel;
 use calib_editor::{Action, TOOLS, plan_scale};
 use calib_plan::{DrawingFacts, DrawingKind, Layer};
+use calib_report::added_walls_text;
 use calib_site::{Plan, WallEntry, counted};
 use egui::{ComboBox, DragValue, RichText, ScrollArea, Ui};
 
@@ -161,19 +162,7 @@ fn add_walls(app: &mut App, layer: &Layer, states_unit: bool) {
         app.send(Action::AddError(format!("The walls of the layer {} were not added: {error}", layer.name)));
         return;
     }
-    let left_out = [
-        (layer.other_lines, "curve", "curves"),
-        (short, "line shorter than 0.1 m", "lines shorter than 0.1 m"),
-    ];
-    let left_out: Vec<String> = left_out
-        .into_iter()
-        .filter(|(count, ..)| *count > 0)
-        .map(|(n, one, more)| counted(n, one, more))
-        .collect();
-    let mut note = format!("{} added from {}.", counted(added, "wall", "walls"), layer.name);
-    if !left_out.is_empty() {
-        note.push_str(&format!(" Left out: {}.", left_out.join(", ")));
-    }
+    let mut note = format!("{}.", added_walls_text(&layer.name, added, layer.other_lines, short));
     if !states_unit {
         note.push_str(" The drawing states no unit: check the scale of the plan.");
     }
