@@ -14,7 +14,7 @@ use crate::newer::NewerImage;
 use crate::period::Period;
 use crate::proposed::Preview;
 use crate::session::Session;
-use crate::tools::{TOOLS, Tool};
+use crate::tools::{Icon, TOOLS, Tool};
 
 /// Image that a camera had before its current image, shown over the current image.
 #[derive(Clone, Debug, PartialEq)]
@@ -96,6 +96,12 @@ impl Editor {
     #[must_use]
     pub const fn tool_row(&self) -> usize {
         self.tool_row
+    }
+
+    /// Whether the current tool has this icon.
+    #[must_use]
+    pub fn has_tool(&self, icon: Icon) -> bool {
+        TOOLS.get(self.tool_row).is_some_and(|tool| tool.icon == icon)
     }
 
     /// Returns the kind of annotation that the current tool draws; `None` for tools that draw no annotation.

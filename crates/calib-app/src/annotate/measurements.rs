@@ -1,8 +1,8 @@
 //! Measurements in the images: lines with their values, and the panel that lists them.
 
 use calib_core::{Kind, Pixel};
+use calib_editor::Action;
 use calib_editor::edit::add_line;
-use calib_editor::{Action, TOOLS};
 use calib_report::measurement_name;
 use calib_site::{Measurement, MeasurementKind, MeasurementPoint};
 use egui::{Align2, Painter, RichText, Ui, Vec2};
@@ -52,7 +52,7 @@ pub(crate) fn paint_on_image(app: &App, camera: usize, overlay: &Overlay, painte
 
 /// Whether the tool that measures is active.
 pub(crate) fn is_measuring(app: &App) -> bool {
-    TOOLS.get(app.editor.tool_row()).is_some_and(|tool| tool.icon == calib_editor::Icon::Measure)
+    app.editor.has_tool(calib_editor::Icon::Measure)
 }
 
 /// Shows the settings of the tool, and the list of measurements.
