@@ -19,8 +19,8 @@ pub fn key(key: Key) -> egui::Key {
     egui::Key::from_name(key.name()).unwrap_or(egui::Key::F35)
 }
 
-/// Converts the shortcut of a command from `calib_editor` to egui. Where the system reserves Ctrl+N, the shortcut of
-/// a new site also needs Alt.
+/// Converts the shortcut of a command from `calib_editor` to egui. If the system reserves Ctrl+N, Alt is added to the
+/// shortcut that creates a site.
 #[must_use]
 pub fn shortcut(command: Command, keys: Shortcut) -> KeyboardShortcut {
     let Modifiers { shift, ctrl, alt, command: cmd } = keys.modifiers;

@@ -44,7 +44,7 @@ pub(crate) struct Args {
     /// Time of the last point (RFC 3339); also selects the calibration [default: the time of the first point]
     #[arg(long, value_name = "TIME", requires = "to")]
     to_at: Option<String>,
-    /// Standard deviation of each pixel coordinate [default: that of the camera's annotations]
+    /// Standard deviation of each pixel coordinate [default: the standard deviation of the camera's annotations]
     #[arg(long, value_name = "S", requires = "from")]
     sigma_px: Option<f64>,
     /// Output format [default: text on a terminal, otherwise json]

@@ -9,7 +9,7 @@ pub(crate) mod status;
 pub mod topbar;
 pub mod views;
 
-use calib_editor::{Icon, Part, TOOLS};
+use calib_editor::{Icon, Part};
 use egui::{CentralPanel, Frame, Margin, Panel, ScrollArea, Ui};
 
 use crate::annotate::{annotations, lens, links, measurements, result, steps};
@@ -109,13 +109,12 @@ pub fn window_ui(app: &mut App, ui: &mut Ui) {
 /// Whether the mark tool is active, or a mark or one of its pins is selected.
 fn are_marks_edited(app: &App) -> bool {
     let is_mark = |part: &Part| matches!(part, Part::Mark(_) | Part::Pin { .. });
-    TOOLS.get(app.editor.tool_row()).is_some_and(|tool| tool.icon == Icon::Mark)
-        || app.editor.session().selection.iter().any(is_mark)
+    app.editor.has_tool(Icon::Mark) || app.editor.session().selection.iter().any(is_mark)
 }
 
 /// Whether the control point tool is active, or a control point is selected.
 fn are_points_edited(app: &App) -> bool {
-    TOOLS.get(app.editor.tool_row()).is_some_and(|tool| tool.icon == Icon::Control)
+    app.editor.has_tool(Icon::Control)
         || app.editor.session().selection.iter().any(|part| matches!(part, Part::Control(_)))
 }
 
@@ -176,7 +175,7 @@ fn right(app: &mut App, ui: &mut Ui) {
     });
 }
 
-/// Shows the panels beside the plan.
+/// Shows the panels on the right while the window shows the plan: coverage, measurements, placement and planes.
 fn beside_plan(app: &mut App, ui: &mut Ui) {
     surveyed(app, ui);
     measured(app, ui);

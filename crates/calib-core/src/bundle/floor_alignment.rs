@@ -269,8 +269,9 @@ fn from_centre(pair: &[FloorSighting; 2], centres: &[[f64; 2]; 2], which: usize)
     [pair[which].at[0] - centres[which][0], pair[which].at[1] - centres[which][1]]
 }
 
-/// Estimates the rotation (radians) and the log scale from the floor coordinates of the first camera to those of the
-/// second, and the weight of both values, by iteratively reweighted least squares.
+/// Estimates the rotation (radians) and the log scale that map floor coordinates of the first camera to floor
+/// coordinates of the second. Also returns the weight of both values. The method is iteratively reweighted least
+/// squares.
 fn robust_similarity(points: &[[FloorSighting; 2]]) -> Option<([f64; 2], f64)> {
     /// Number of reweighting iterations; later ones change little.
     const ITERATIONS: usize = 4;

@@ -132,11 +132,11 @@ impl Zone {
 }
 
 impl Coverage {
-    /// Returns the hand-over zones of all pairs of cameras, the largest first. `grid` and `cameras` are those of
-    /// [`Self::new`], for targets at `height` metres.
+    /// Returns the hand-over zones of all pairs of cameras, the largest first. `cameras`, `grid` and `height` (in metres)
+    /// must be the arguments with which the coverage was computed; see [`Self::new`].
     ///
-    /// The disagreement is computed at `points_per_zone` points of each zone, at least one. `covariance_between` returns the
-    /// covariance between the parameters of two different cameras; `None` if it is unknown.
+    /// The disagreement is computed at `points_per_zone` points of each zone, at least one. `covariance_between` returns
+    /// the covariance between the parameters of two different cameras; `None` if it is unknown.
     #[must_use]
     pub fn hand_overs(
         &self,

@@ -49,8 +49,8 @@ impl DensityLevel {
     }
 }
 
-/// Smallest pixel density of each level, in pixels per metre, in the order of [`DensityLevel::ALL`]. The default is
-/// that of IEC 62676-4.
+/// Smallest pixel density of each level, in pixels per metre, in the order of [`DensityLevel::ALL`]. By default,
+/// these are the limits of IEC 62676-4.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LevelLimits(pub [f64; DensityLevel::ALL.len()]);
 

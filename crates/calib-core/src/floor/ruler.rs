@@ -108,7 +108,7 @@ impl Ruler<'_> {
     }
 
     /// Measures the vertical distance from a foot to the head vertically above it, in metres. The foot is at its
-    /// [`RulerPoint::height`]; that of the head is not used. Returns `None` if the foot's pixel shows no point at its
+    /// [`RulerPoint::height`]; the height entered for the head is not used. Returns `None` if the foot's pixel shows no point at its
     /// height, if the ray of the head is vertical, or if the head is not above the foot in the image.
     ///
     /// The head is the point of the vertical that is nearest to the ray of its pixel.
