@@ -7,9 +7,11 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use calib_core::outcome::Code;
 use calib_tests::root;
 use regex::Regex;
 
@@ -279,4 +281,38 @@ fn links_of_the_guide_have_targets() {
         }
     }
     assert!(count > 100 && wrong.is_empty(), "{count} links:\n{}", wrong.join("\n"));
+}
+
+#[test]
+fn files_that_the_architecture_names_exist() {
+    let text = std::fs::read_to_string(root().join("crates/README.md")).unwrap();
+    let name = Regex::new(r"`([\w/.-]+\.(?:rs|py|pyi))`").unwrap();
+    let named: BTreeSet<&str> =
+        name.captures_iter(&text).map(|found| found.get(1).unwrap().as_str()).collect();
+    let mut paths = Vec::new();
+    collect(&root().join("crates"), &mut paths);
+    collect(&root().join("tests"), &mut paths);
+    let exists = |name: &&str| paths.iter().any(|path| path.ends_with(name));
+    let missing: Vec<&str> = named.iter().copied().filter(|name| !exists(name)).collect();
+    assert!(named.len() > 60 && missing.is_empty(), "{} names, missing: {missing:?}", named.len());
+}
+
+/// Collects the files of a folder and its folders.
+fn collect(folder: &Path, paths: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        match path.is_dir() {
+            true => collect(&path, paths),
+            false => paths.push(path),
+        }
+    }
+}
+
+#[test]
+fn every_finding_has_an_entry_in_the_guide() {
+    let text = std::fs::read_to_string(root().join("docs/src/findings.md")).unwrap();
+    let headings: BTreeSet<&str> = text.lines().filter_map(|line| line.strip_prefix("### ")).collect();
+    let missing: Vec<&str> =
+        Code::ALL.iter().map(|code| code.as_str()).filter(|code| !headings.contains(code)).collect();
+    assert!(missing.is_empty(), "{missing:?}");
 }

@@ -1,4 +1,5 @@
-//! Appearance of every kind of line. A new kind needs only an entry in [`KIND_LOOKS`]; no painter changes.
+//! Appearance of every kind of line. A new kind that is drawn as lines needs only an entry in [`KIND_LOOKS`].
+//! Another shape also needs items in `image/annotation.rs`.
 //!
 //! Small signs distinguish the kinds without colour. They have constant screen size; a painter places them on
 //! its line with [`place_sign`].

@@ -31,6 +31,8 @@ pub struct Format {
     /// Treatment of planes other than the floor.
     pub planes: PlaneTreatment,
     /// Lens models that are written exactly. Other models are approximated by Brown-Conrady terms, or lost.
+    /// The writer passes the models to `Export::terms`, which reports the loss. A format without distortion calls
+    /// `Export::report_distortion`.
     pub lenses: &'static [DistortionModel],
     /// Whether the format contains camera positions, so that a camera that was not placed misleads its
     /// readers.

@@ -380,12 +380,14 @@ impl SiteCamera {
                 Finding::UncertaintyUnknown
             });
         }
+        // Otherwise an imported camera would get another copy in every solve.
+        debug_assert!(findings.iter().all(|finding| is_recomputed(finding.code())));
         findings
     }
 }
 
-/// Whether findings with this code are recomputed instead of taken from a stored solution. These are the
-/// findings of [`SiteCamera::pose_findings`] and the findings about annotations outside the image.
+/// Whether findings with this code are recomputed instead of taken from a stored solution. These are all
+/// findings of [`SiteCamera::pose_findings`], and the findings about annotations outside the image.
 pub(crate) const fn is_recomputed(code: Code) -> bool {
     matches!(
         code,
