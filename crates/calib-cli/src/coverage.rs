@@ -139,7 +139,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if missed.is_empty() {
         return Ok(());
     }
-    Err(CommandError::Unsolved(format!("areas that miss their level: {}", shortened_list(missed))))
+    Err(CommandError::Unsolved(format!("areas below their required level: {}", shortened_list(missed))))
 }
 
 /// Prints the report; on stderr if the table goes to stdout.
@@ -200,7 +200,7 @@ fn as_json(coverage: &SiteCoverage<'_>) -> Value {
     let cameras: Vec<Value> = coverage
         .cameras
         .iter()
-        .zip(&coverage.reaches)
+        .zip(coverage.reaches())
         .map(|(entry, reaches)| {
             let reach = |level: DensityLevel| {
                 reaches[level as usize].map(|reach| {

@@ -27,8 +27,8 @@ impl CoveragePage<'_> {
         for (level, area) in self.levels() {
             let _ = writeln!(out, "{}: {}", level_text(level, &self.coverage.limits), self.area(area));
         }
-        for (index, entry) in self.coverage.cameras.iter().enumerate() {
-            let _ = writeln!(out, "{}: {}", entry.id, self.camera(index));
+        for (entry, reaches) in self.coverage.cameras.iter().zip(self.coverage.reaches()) {
+            let _ = writeln!(out, "{}: {}", entry.id, self.reaches_text(&reaches));
         }
         for result in &self.coverage.areas {
             let _ = writeln!(out, "area {}: {}", result.area.id, area_text(result));
@@ -38,7 +38,7 @@ impl CoveragePage<'_> {
                 (self.coverage.ids_of(zone), hand_over_text(self.coverage, zone, self.site.units));
             let _ = writeln!(
                 out,
-                "hand-over {a} \u{2013} {b}: {}, {text}",
+                "hand-over {a} \u{2013} {b}: {}; expected disagreement {text}",
                 self.area(self.coverage.area_of(zone))
             );
         }
@@ -86,7 +86,7 @@ impl CoveragePage<'_> {
             let _ = write!(html, "<th class=n>{}", level.name());
         }
         html.push_str("</tr></thead><tbody>\n");
-        for (entry, reaches) in self.coverage.cameras.iter().zip(&self.coverage.reaches) {
+        for (entry, reaches) in self.coverage.cameras.iter().zip(self.coverage.reaches()) {
             let _ = write!(html, "<tr><td>{}", escape(&entry.id));
             for reach in reaches {
                 let text =
@@ -162,14 +162,14 @@ impl CoveragePage<'_> {
         let mut notes = Vec::new();
         if !self.coverage.left_out.is_empty() {
             notes.push(format!(
-                "Left out because they have no position relative to the other cameras: {}. Place them on \
+                "Cameras without a position relative to the others are left out: {}. Place them on \
                  the plan, or link them.",
                 names(&self.coverage.left_out)
             ));
         }
         if !self.coverage.scale_assumed.is_empty() {
             notes.push(format!(
-                "The scale is assumed, so distances and pixel densities can be wrong in proportion: {}. Enter a height \
+                "The scale of these cameras is assumed, so distances and pixel densities can be wrong by a factor: {}. Enter a height \
                  or a length.",
                 names(&self.coverage.scale_assumed)
             ));
@@ -186,7 +186,7 @@ impl CoveragePage<'_> {
             height => format!("at a height of {}", self.length(height)),
         };
         format!(
-            "The cameras see {}; two or more cameras see {} of it. Targets are {target}.",
+            "The cameras see {} of floor; two or more cameras see {} of it. Targets are {target}.",
             self.area(seen(1)),
             self.area(seen(2))
         )
@@ -212,8 +212,8 @@ impl CoveragePage<'_> {
     }
 
     /// Describes how far a camera reaches each level.
-    fn camera(&self, index: usize) -> String {
-        let reaches = DensityLevel::ALL.iter().zip(&self.coverage.reaches[index]).rev();
+    fn reaches_text(&self, reaches: &[Option<Reach>]) -> String {
+        let reaches = DensityLevel::ALL.iter().zip(reaches).rev();
         let of = |(level, reach): (&DensityLevel, &Option<Reach>)| {
             let units = self.site.units;
             Some(format!("{} to {} {}", level.name(), reach_text(reach.as_ref()?, units), units.symbol()))
@@ -223,12 +223,12 @@ impl CoveragePage<'_> {
     }
 }
 
-/// Describes the expected disagreement of a hand-over zone, as in "8.0 cm, 21.0 cm at the worst point".
+/// Describes the expected disagreement of a hand-over zone, as in "8.0 cm RMS, 21.0 cm at the worst point".
 pub fn hand_over_text(coverage: &SiteCoverage<'_>, zone: &HandOver, units: Units) -> String {
     match &zone.disagreement {
         Ok(found) => {
             let [usual, worst] = [found.rms, found.worst].map(|length| units.short_length(length));
-            format!("{usual}, {worst} at the worst point")
+            format!("{usual} RMS, {worst} at the worst point")
         }
         Err(why) => coverage.unknown_text(*why),
     }

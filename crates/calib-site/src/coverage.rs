@@ -39,12 +39,13 @@ pub struct SiteCoverage<'a> {
     pub coverage: Coverage,
     /// Coverage of every area, in the order of the file.
     pub areas: Vec<AreaResult<'a>>,
-    /// For every camera of `cameras`, the farthest point that reaches each level of [`DensityLevel::ALL`].
-    pub reaches: Vec<[Option<Reach>; DensityLevel::ALL.len()]>,
     /// Floor that two cameras see, the largest zone first. The cameras are indices in `cameras`.
     pub hand_overs: Vec<HandOver>,
     /// Smallest pixel density of each level.
     pub limits: LevelLimits,
+    /// Views of `cameras`.
+    views: Vec<FloorView<'a>>,
+    walls: Vec<Wall>,
 }
 
 /// Rectangle of visible floor with one value, such as the level that the best camera reaches.
@@ -122,6 +123,13 @@ impl SiteCoverage<'_> {
         runs
     }
 
+    /// Returns, for every camera of `cameras`, the farthest point that reaches each level of [`DensityLevel::ALL`].
+    #[must_use]
+    pub fn reaches(&self) -> Vec<[Option<Reach>; DensityLevel::ALL.len()]> {
+        let of = |view: &FloorView<'_>| view.for_coverage().reaches(&self.walls, self.height, self.limits.0);
+        self.views.iter().map(of).collect()
+    }
+
     /// Returns the ids of the cameras of a hand-over zone.
     #[must_use]
     pub fn ids_of(&self, zone: &HandOver) -> [&str; 2] {
@@ -134,6 +142,10 @@ impl SiteCoverage<'_> {
         zone.points as f64 * self.grid.step * self.grid.step
     }
 
+    fn scale_is_known(&self, index: usize) -> bool {
+        self.scale_assumed.iter().all(|entry| entry.id != self.cameras[index].id)
+    }
+
     /// Explains why the disagreement of a hand-over zone is unknown.
     #[must_use]
     pub fn unknown_text(&self, why: UnknownDisagreement) -> String {
@@ -141,6 +153,9 @@ impl SiteCoverage<'_> {
         match why {
             UnknownDisagreement::PlacedByHand(index) => {
                 format!("unknown, because \"{}\" is placed by hand", id(index))
+            }
+            UnknownDisagreement::Camera(index) if !self.scale_is_known(index) => {
+                format!("unknown, because the scale of \"{}\" is assumed: enter a length", id(index))
             }
             UnknownDisagreement::Camera(index) => {
                 format!("unknown, because \"{}\" has errors of unknown size", id(index))
@@ -244,7 +259,7 @@ impl Site {
         }
         let frame = self.main_frame(views.iter().map(|view| view.entry));
         let (used, others): (Vec<_>, Vec<_>) =
-            views.iter().partition(|view| frame == Some(self.frame(view.entry)));
+            views.into_iter().partition(|view| frame == Some(self.frame(view.entry)));
         let cameras: Vec<CoverageCamera<'_>> = used.iter().map(|view| view.for_coverage()).collect();
         let walls: Vec<Wall> = self.walls.iter().map(Wall::from).collect();
         let grid = grid(&cameras, options.step)?;
@@ -262,7 +277,7 @@ impl Site {
         let areas = areas.collect();
         let coverage = Coverage::new(&cameras, &walls, &grid, options.height);
         let between = |a: usize, b: usize| {
-            let [a, b] = [used[a], used[b]];
+            let [a, b] = [&used[a], &used[b]];
             let ids = [a.entry.id.as_str(), b.entry.id.as_str()];
             self.covariance_between(ids, [&a.camera, &b.camera]).map(|covariance| *covariance)
         };
@@ -276,10 +291,11 @@ impl Site {
             height: options.height,
             coverage,
             areas,
-            reaches: cameras.iter().map(|camera| camera.reaches(&walls, options.height, limits.0)).collect(),
             hand_overs,
             limits,
             grid,
+            views: used,
+            walls,
         })
     }
 }
@@ -328,6 +344,7 @@ impl From<&WallEntry> for Wall {
 }
 
 /// Calibrated camera with its EFOV on the floor.
+#[derive(Clone, Debug, PartialEq)]
 struct FloorView<'a> {
     entry: &'a SiteCamera,
     camera: Camera,
