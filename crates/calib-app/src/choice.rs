@@ -69,6 +69,11 @@ pub(crate) fn images() -> Vec<&'static str> {
     calib_input::image_endings().collect()
 }
 
+/// Returns the file name endings of images and videos.
+pub(crate) fn images_and_videos() -> Vec<&'static str> {
+    calib_input::image_endings().chain(calib_input::VIDEO_ENDINGS).collect()
+}
+
 /// Returns the file name endings of floor plans.
 pub(crate) fn plans() -> Vec<&'static str> {
     calib_input::image_endings().chain(DRAWINGS).collect()

@@ -101,15 +101,15 @@ fn median(video: &mut Video, count: u16) -> Result<RgbImage, VideoError> {
         "calib: median of {} of {} frames; something moved in {:.1} % of the image",
         found.times_s.len(),
         video.frame_count(),
-        100.0 * found.moved_share
+        100.0 * found.scene.moved_share
     ));
-    if found.busy_share > MAX_BUSY_SHARE {
+    if found.scene.busy_share > MAX_BUSY_SHARE {
         print_message(format_args!(
             "calib: objects that hardly moved may be visible in {:.1} % of the image; use a longer video",
-            100.0 * found.busy_share
+            100.0 * found.scene.busy_share
         ));
     }
-    Ok(found.image)
+    Ok(found.scene.image)
 }
 
 /// Parses a time: seconds, MM:SS or HH:MM:SS.

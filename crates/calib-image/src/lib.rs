@@ -8,6 +8,7 @@
 //! - `pull`: lines snapped to the edge along them;
 //! - `image_circle`: the circle that a fisheye lens fills;
 //! - `bars`: black bars at the sides of an image;
+//! - `empty_scene`: median of several images, without the objects that move;
 //! - `proposal`: automatic calibration from edges;
 //! - `compare`: change of a camera between two images, and recovery after a rotation.
 //!
@@ -27,6 +28,7 @@ mod pull;
 pub mod edges;
 mod image_circle;
 mod bars;
+mod empty_scene;
 mod proposal;
 mod compare;
 
@@ -36,6 +38,7 @@ pub use compare::{
     STEP_SIZE, SizeMismatchError, TONE_SIZE, annotation_edges, recover,
 };
 pub use edges::{Edge, line_segments};
+pub use empty_scene::EmptyScene;
 pub use image_circle::image_circle;
 pub use line_segment::{LineSegment, Rise, distance_to_segment};
 pub use proposal::{

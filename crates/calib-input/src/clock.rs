@@ -1,7 +1,9 @@
 //! Capture time of an image, from its EXIF data (CIPA DC-008, 4.6) or its file name.
 
+use std::ops::Range;
+
 use exif::{DateTime, Exif, In, Reader, Tag, Value};
-use jiff::Timestamp;
+use jiff::{SignedDuration, Timestamp, Unit};
 
 /// Returns the capture time in EXIF data, as RFC 3339; a time without a zone is taken as UTC.
 pub(crate) fn capture_time(data: Vec<u8>) -> Option<String> {
@@ -38,23 +40,46 @@ fn format_offset(offset: Option<i16>) -> String {
     )
 }
 
-/// Returns the time (RFC 3339) in the name of an image, such as `2026-05-01T080000Z` or `20260501_0800`. It
-/// is taken as UTC, because file names have no zone.
+/// Time in the name of a file.
+struct NamedTime {
+    time: Timestamp,
+    has_second: bool,
+    /// Position of the time in the name, in bytes.
+    range: Range<usize>,
+}
+
+/// Returns the time (RFC 3339) in the name of an image, such as `2026-05-01T080000Z`, `20260501_0800` or
+/// `20260501_080000.250`. It is taken as UTC, because file names have no zone.
 #[must_use]
 pub fn time_in_name(name: &str) -> Option<String> {
-    times(name).next().map(|(time, _)| time.to_string())
+    first_time(name).map(|found| found.time.to_string())
 }
 
 /// Returns the time in the name of an image, as [`time_in_name`], if the name states the second.
 #[must_use]
 pub fn second_in_name(name: &str) -> Option<String> {
-    times(name).next().filter(|(_, has_second)| *has_second).map(|(time, _)| time.to_string())
+    first_time(name).filter(|found| found.has_second).map(|found| found.time.to_string())
 }
 
-/// Returns the times in a name, and whether each states the second.
-fn times(name: &str) -> impl Iterator<Item = (Timestamp, bool)> {
-    let starts = (0..name.len()).filter(|&start| is_number_start(name, start));
-    starts.filter_map(|start| time_at(&name[start..]))
+/// Returns the name of a frame of a video, without an ending. If the name of the video (without its ending) states the
+/// second at which the video starts, the name of the frame states its own time, in milliseconds. Otherwise the seconds
+/// from the start of the video follow the name.
+#[must_use]
+pub fn frame_name(video: &str, seconds: f64) -> String {
+    let named =
+        first_time(video).filter(|found| found.has_second).and_then(|NamedTime { time, range, .. }| {
+            let shifted = time.checked_add(SignedDuration::try_from_secs_f64(seconds).ok()?).ok()?;
+            let rounded = shifted.round(Unit::Millisecond).ok()?;
+            let [before, after] = [&video[..range.start], &video[range.end..]];
+            Some(format!("{before}{}{after}", rounded.strftime("%Y%m%d_%H%M%S%.3f")))
+        });
+    named.unwrap_or_else(|| format!("{video} {seconds:.2} s"))
+}
+
+/// Returns the first time in a name.
+fn first_time(name: &str) -> Option<NamedTime> {
+    let mut starts = (0..name.len()).filter(|&start| is_number_start(name, start));
+    starts.find_map(|start| time_at(name, start))
 }
 
 fn is_number_start(name: &str, start: usize) -> bool {
@@ -62,30 +87,38 @@ fn is_number_start(name: &str, start: usize) -> bool {
     is_digit(start) && !(start > 0 && is_digit(start - 1))
 }
 
-/// Parses a time at the start of a text: year, month and day, then hour and minute, then optional seconds. Also returns
-/// whether there are seconds.
-fn time_at(text: &str) -> Option<(Timestamp, bool)> {
-    let mut rest = text;
-    let mut number = |digits: usize| {
-        let skipped = rest.trim_start_matches(['-', '_', ':', '.', 'T', ' ']);
-        // At most one separator is allowed.
-        if rest.len() - skipped.len() > 1 {
-            return None;
-        }
-        let found = skipped.get(..digits).filter(|part| part.bytes().all(|byte| byte.is_ascii_digit()))?;
-        rest = &skipped[digits..];
-        found.parse::<u32>().ok()
-    };
-    let (year, month, day) = (number(4)?, number(2)?, number(2)?);
-    let (hour, minute) = (number(2)?, number(2)?);
-    let second = number(2);
+/// Removes a number with this many digits from the start of a text, and at most one separator before it.
+fn number(text: &mut &str, digits: usize) -> Option<u32> {
+    let skipped = text.trim_start_matches(['-', '_', ':', '.', 'T', ' ']);
+    if text.len() - skipped.len() > 1 {
+        return None;
+    }
+    let found = skipped.get(..digits).filter(|part| part.bytes().all(|byte| byte.is_ascii_digit()))?;
+    *text = &skipped[digits..];
+    found.parse().ok()
+}
+
+/// Parses a time that starts at this byte of a name: year, month and day, then hour and minute, then optional seconds,
+/// with optional milliseconds after a point.
+fn time_at(name: &str, start: usize) -> Option<NamedTime> {
+    let mut rest = &name[start..];
+    let (year, month, day) = (number(&mut rest, 4)?, number(&mut rest, 2)?, number(&mut rest, 2)?);
+    let (hour, minute) = (number(&mut rest, 2)?, number(&mut rest, 2)?);
+    let minute_end = name.len() - rest.len();
+    let second = number(&mut rest, 2);
     // Digits that are followed by a letter, as in 1080p, are not seconds.
     let ends = !rest.starts_with(|next: char| next.is_alphanumeric() && next != 'Z');
     let stated = second.filter(|&second| ends && second < 60);
     let second = stated.unwrap_or(0);
+    let second_end = name.len() - rest.len();
+    let is_digit = |at: usize| rest.as_bytes().get(at).is_some_and(u8::is_ascii_digit);
+    let has_millisecond = stated.is_some() && rest.starts_with('.') && (1..4).all(is_digit) && !is_digit(4);
+    let millisecond = if has_millisecond { &rest[..4] } else { "" };
     let is_of_now = (1990..2200).contains(&year);
-    let text = format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z");
-    text.parse().ok().filter(|_| is_of_now).map(|time| (time, stated.is_some()))
+    let text = format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}{millisecond}Z");
+    let end = if stated.is_some() { second_end + millisecond.len() } else { minute_end };
+    let time = text.parse().ok().filter(|_| is_of_now)?;
+    Some(NamedTime { time, has_second: stated.is_some(), range: start..end })
 }
 
 #[cfg(test)]
@@ -141,8 +174,27 @@ mod tests {
         ] {
             assert_eq!(time_in_name(name).as_deref(), Some("2026-05-01T08:30:00Z"), "{name}");
         }
+        for (name, time) in [
+            ("door_20260501_083005.250", "2026-05-01T08:30:05.25Z"),
+            ("door_20260501_083005.25", "2026-05-01T08:30:05Z"),
+            ("door_20260501_083005.2500", "2026-05-01T08:30:05Z"),
+            ("door_20260501_0830.250", "2026-05-01T08:30:00Z"),
+        ] {
+            assert_eq!(time_in_name(name).as_deref(), Some(time), "{name}");
+        }
         for name in ["door", "shop-1", "20261301_083000", "12345678901234567", "2026-05-01", "tür-2026"] {
             assert_eq!(time_in_name(name), None, "{name}");
         }
+    }
+
+    #[test]
+    fn the_name_of_a_frame_states_its_time() {
+        let named = frame_name("door_2026-05-01T083005Z_main", 12.4804);
+        assert_eq!(named, "door_20260501_083017.480Z_main");
+        assert_eq!(time_in_name(&named).as_deref(), Some("2026-05-01T08:30:17.48Z"));
+        assert_eq!(frame_name("20260501235959", 1.0), "20260502_000000.000");
+        assert_eq!(frame_name("yard", 12.4804), "yard 12.48 s");
+        // Without the second, the time of the frame is unknown.
+        assert_eq!(frame_name("door_20260501_0830", 3.0), "door_20260501_0830 3.00 s");
     }
 }

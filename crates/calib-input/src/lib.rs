@@ -18,12 +18,12 @@ mod relative;
 #[cfg(feature = "write")]
 mod part;
 
-pub use clock::{second_in_name, time_in_name};
+pub use clock::{frame_name, second_in_name, time_in_name};
 pub use file::{DocumentError, FileError, OutOfMemory, check_memory, json_document, read, read_from};
 #[cfg(feature = "write")]
 pub use part::{PartialFile, PathError, resolve_target};
 pub use relative::relative;
 pub use still::{
-    ImageFileError, capture_time, check_decode_memory, decode, image_endings, image_size, is_image_or_video,
-    refusal,
+    ImageFileError, VIDEO_ENDINGS, capture_time, check_decode_memory, decode, image_endings, image_size,
+    is_image_or_video, is_video, refusal,
 };

@@ -250,6 +250,9 @@ fn stretch(image: &image::ImageBuffer<Rgb<u16>, Vec<u16>>) -> RgbImage {
     })
 }
 
+/// Name of the formats of videos.
+const VIDEO: &str = "a video";
+
 /// Returns the name of a format that is not read, and advice, from the first bytes.
 fn unsupported(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
     const SAVE: &str = "save it as JPEG or PNG";
@@ -261,9 +264,9 @@ fn unsupported(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
             "save it as JPEG (on an iPhone: Settings, Camera, Formats, Most Compatible)",
         )),
         (_, Some(b"avif" | b"avis")) => Some(("an AVIF image", SAVE)),
-        (_, Some(_)) => Some(("a video", FRAME)),
-        ([0x1A, 0x45, 0xDF, 0xA3, ..], _) => Some(("a video", FRAME)),
-        ([b'R', b'I', b'F', b'F', _, _, _, _, b'A', b'V', b'I', ..], _) => Some(("a video", FRAME)),
+        (_, Some(_)) => Some((VIDEO, FRAME)),
+        ([0x1A, 0x45, 0xDF, 0xA3, ..], _) => Some((VIDEO, FRAME)),
+        ([b'R', b'I', b'F', b'F', _, _, _, _, b'A', b'V', b'I', ..], _) => Some((VIDEO, FRAME)),
         ([0xFF, 0x0A, ..] | [0, 0, 0, 0x0C, b'J', b'X', b'L', ..], _) => Some(("a JPEG XL image", SAVE)),
         ([0, 0, 0, 0x0C, b'j', b'P', ..], _) => Some(("a JPEG 2000 image", SAVE)),
         ([b'8', b'B', b'P', b'S', ..], _) => Some(("a Photoshop image", SAVE)),
@@ -277,6 +280,15 @@ fn unsupported(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
             _ => Some(("an image in another format", SAVE)),
         },
     }
+}
+
+/// File name endings of videos, in lower case.
+pub const VIDEO_ENDINGS: [&str; 6] = ["mp4", "m4v", "mov", "mkv", "webm", "avi"];
+
+/// Whether a file is a video, by its first bytes.
+#[must_use]
+pub fn is_video(head: &[u8]) -> bool {
+    unsupported(head).is_some_and(|(format, _)| format == VIDEO)
 }
 
 /// Whether a file is an image or a video, by its first bytes. Formats that cannot be read are included; [`refusal`]

@@ -3,6 +3,7 @@
 use std::io::Read as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use calib_image::EmptyScene;
 use image::{RgbImage, imageops};
 
 use crate::error::VideoError;
@@ -30,18 +31,13 @@ impl std::fmt::Debug for Video {
     }
 }
 
-/// Median of several frames of a video: objects that move disappear.
+/// Median of several frames of a video.
 #[derive(Clone, Debug)]
 pub struct Median {
-    /// Median of every colour of every pixel.
-    pub image: RgbImage,
+    /// Image without the objects that move.
+    pub scene: EmptyScene,
     /// Times of the frames, in seconds.
     pub times_s: Vec<f64>,
-    /// Share of the pixels that something covered in some of the frames, 0 to 1.
-    pub moved_share: f64,
-    /// Fraction of the pixels, 0 to 1, that moving objects covered in at least a third of the frames. The median image
-    /// may show parts of the objects there.
-    pub busy_share: f64,
 }
 
 /// Largest memory of the packets or images that are held at once, in bytes.
@@ -160,25 +156,36 @@ impl Video {
         count: usize,
         progress: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Median, VideoError> {
-        let count = count.clamp(1, self.frame_count());
-        let packets = &self.stream.packets;
-        let keys: Vec<Packet> = packets.iter().filter(|packet| packet.is_key).copied().collect();
-        // Key frames need no other frame to be decoded.
-        let shown = shown_times(if keys.len() >= count { &keys } else { packets });
-        let times: Vec<f64> = (0..count).map(|i| shown[(2 * i + 1) * shown.len() / (2 * count)]).collect();
-        let mut frames = self.frames_at(&times, progress)?;
+        let mut frames = self.frames_at(&self.spread_times(count), progress)?;
         let size = frames.first().map(|(_, image)| image.dimensions()).ok_or(VideoError::NoFrames)?;
         // The size may change within a recording.
         frames.retain(|(_, image)| image.dimensions() == size);
         let times_s = frames.iter().map(|(time, _)| *time).collect();
         let images: Vec<RgbImage> = frames.into_iter().map(|(_, image)| image).collect();
-        let image = median(&images);
-        let [moved_share, busy_share] = moved_shares(&images, &image);
-        Ok(Median { image, times_s, moved_share, busy_share })
+        Ok(Median { scene: EmptyScene::new(&images), times_s })
     }
 
-    /// Returns the frames that are shown at these times, in ascending order; a frame only once.
-    fn frames_at(
+    /// Returns the times of `count` frames, in seconds, evenly spaced over the video. Frames that are quick to decode
+    /// are preferred.
+    #[must_use]
+    pub fn spread_times(&self, count: usize) -> Vec<f64> {
+        let count = count.clamp(1, self.frame_count().max(1));
+        let packets = &self.stream.packets;
+        let keys: Vec<Packet> = packets.iter().filter(|packet| packet.is_key).copied().collect();
+        // Key frames need no other frame to be decoded.
+        let shown = shown_times(if keys.len() >= count { &keys } else { packets });
+        (0..count).filter_map(|i| shown.get((2 * i + 1) * shown.len() / (2 * count)).copied()).collect()
+    }
+
+    /// Returns the frames that are shown at these times, in seconds and in ascending order; a frame only once. Each frame
+    /// has the time when it appears.
+    ///
+    /// `progress` gets the share of the work done, 0 to 1, and returns whether to continue.
+    ///
+    /// # Errors
+    ///
+    /// Fails if no frame can be decoded, the frames need too much memory, or `progress` stops the work.
+    pub fn frames_at(
         &mut self,
         times_s: &[f64],
         progress: &mut dyn FnMut(f64) -> bool,
@@ -305,59 +312,9 @@ fn turned(image: RgbImage, quarter_turns: u8) -> RgbImage {
     }
 }
 
-/// Returns the median of images of one size, for every colour of every pixel.
-fn median(images: &[RgbImage]) -> RgbImage {
-    let Some(first) = images.first() else { return RgbImage::new(0, 0) };
-    let mut values = vec![0; images.len()];
-    let mut result = first.clone();
-    for (index, value) in result.iter_mut().enumerate() {
-        values.iter_mut().zip(images).for_each(|(one, image)| *one = image.as_raw()[index]);
-        let (_, middle, _) = values.select_nth_unstable(images.len() / 2);
-        *value = *middle;
-    }
-    result
-}
-
-/// Returns the shares of the pixels that differ from the median in some of the frames, and in a third of them.
-fn moved_shares(images: &[RgbImage], median: &RgbImage) -> [f64; 2] {
-    /// Smallest difference of a colour that is not noise, 0 to 255.
-    const MIN_DIFFERENCE: u8 = 30;
-    /// Share of the frames in which a busy pixel is covered.
-    const BUSY: f64 = 1.0 / 3.0;
-    let pixels = (median.as_raw().len() / 3).max(1);
-    let mut counts = [0_usize; 2];
-    for pixel in 0..pixels {
-        let differs = |image: &&RgbImage| {
-            (3 * pixel..3 * pixel + 3)
-                .any(|k| image.as_raw()[k].abs_diff(median.as_raw()[k]) >= MIN_DIFFERENCE)
-        };
-        let covered = images.iter().filter(differs).count() as f64;
-        counts[0] += usize::from(covered > 0.0);
-        counts[1] += usize::from(covered >= BUSY * images.len() as f64);
-    }
-    counts.map(|count| count as f64 / pixels as f64)
-}
-
 #[cfg(test)]
 mod tests {
-    use image::Rgb;
-
     use super::*;
-
-    #[test]
-    fn the_median_removes_an_object_that_moves() {
-        let frame = |at: u32| {
-            RgbImage::from_fn(40, 20, |x, y| match x.abs_diff(at) {
-                0..3 => Rgb([250, 10, 10]),
-                _ => Rgb([(3 * x + y) as u8, 90, 60]),
-            })
-        };
-        let frames: Vec<RgbImage> = (0..9).map(|i| frame(4 * i)).collect();
-        let empty = median(&frames);
-        assert!(empty.enumerate_pixels().all(|(x, y, pixel)| pixel.0 == [(3 * x + y) as u8, 90, 60]));
-        let [moved, busy] = moved_shares(&frames, &empty);
-        assert!(moved > 0.8 && busy < 0.01, "{moved} {busy}");
-    }
 
     #[test]
     fn files_that_are_not_videos_are_refused() {

@@ -51,11 +51,12 @@ fn the_median_shows_the_empty_scene() {
                 true
             })
             .unwrap();
-        assert_eq!((median.image.dimensions(), median.times_s.len()), (SIZE.into(), 12), "{name}");
-        let off = difference(&median.image, background);
+        assert_eq!((median.scene.image.dimensions(), median.times_s.len()), (SIZE.into(), 12), "{name}");
+        let off = difference(&median.scene.image, background);
         assert!(off <= 4, "{name}: {off}");
         // The square covers a band of 16 rows.
-        assert!((median.moved_share - 0.25).abs() < 0.03 && median.busy_share < 0.01, "{name}: {median:?}");
+        let [moved, busy] = [median.scene.moved_share, median.scene.busy_share];
+        assert!((moved - 0.25).abs() < 0.03 && busy < 0.01, "{name}: {moved} {busy}");
         assert!(shares.is_sorted() && shares.last() == Some(&1.0), "{name}: {shares:?}");
     }
 }
@@ -119,7 +120,7 @@ fn damaged_clips_give_an_error_or_a_picture_in_time() {
             let start = Instant::now();
             let image = open(&damaged).and_then(|mut video| video.median(3, &mut |_| true));
             if let Ok(found) = image {
-                assert!(found.image.width() > 0, "{name} {round}");
+                assert!(found.scene.image.width() > 0, "{name} {round}");
             }
             assert!(start.elapsed() < Duration::from_secs(20), "{name} {round}: {:?}", start.elapsed());
         }

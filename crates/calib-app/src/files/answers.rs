@@ -62,7 +62,7 @@ impl App {
             Purpose::Open => self.open_files(ctx, chosen),
             Purpose::SaveSite => each_path(chosen, |path| self.save_to(path)),
             Purpose::SavePlain => each_path(chosen, |path| self.save_plain(&path)),
-            Purpose::AddImages => chosen.into_iter().for_each(|file| self.add_still(ctx, file)),
+            Purpose::AddImages => self.add_images(ctx, chosen),
             Purpose::LoadPlan => self.load_plan(ctx, chosen),
             Purpose::ReplaceStill => {
                 chosen.into_iter().for_each(|file| self.jobs.replacing = Some(self.read_still(ctx, file)));

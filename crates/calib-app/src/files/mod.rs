@@ -7,4 +7,5 @@ pub(crate) mod open;
 pub(crate) mod saving;
 pub(crate) mod screenshot;
 pub(crate) mod answers;
+pub(crate) mod video;
 pub(crate) mod start;

@@ -23,7 +23,9 @@ enum FileKind {
     Drawing,
     /// Image.
     Image,
-    /// Image or video that cannot be read; contains the reason, with advice for the operator.
+    /// Video.
+    Video,
+    /// Image that cannot be read; contains the reason, with advice for the operator.
     Refused(String),
     /// File of another program, or a table of points.
     Other,
@@ -54,6 +56,8 @@ impl FileKind {
             Self::Site
         } else if head.starts_with(b"%PDF-") {
             Self::Drawing
+        } else if calib_input::is_video(&head) {
+            Self::Video
         } else if calib_input::is_image_or_video(&head) {
             calib_input::refusal(&head).map_or(Self::Image, |reason| Self::Refused(reason.to_string()))
         } else {
@@ -96,12 +100,13 @@ impl App {
             return;
         }
         let is_plan = self.view.mode == Mode::Plan && self.editor.site().plan.is_none() && kinds.len() == 1;
-        let (mut readable, mut others) = (Vec::new(), Vec::new());
+        let (mut readable, mut others, mut videos) = (Vec::new(), Vec::new(), Vec::new());
         for (kind, file) in kinds {
             match kind {
                 FileKind::Refused(reason) => {
                     self.act(Action::AddError(format!("Can't open {}: {reason}.", file.name)));
                 }
+                FileKind::Video => videos.push(file),
                 FileKind::Other if !is_world_file(&file) => others.push(file),
                 _ => readable.push(file),
             }
@@ -115,15 +120,23 @@ impl App {
             self.load_plan(ctx, drawings);
         }
         images.into_iter().for_each(|file| self.add_still(ctx, file));
+        self.open_videos(ctx, videos);
         self.jobs.importing.extend(others);
         self.poll_imports();
     }
 
-    /// Opens images and folders of images as cameras.
+    /// Opens images, videos and folders of images as cameras.
     pub(crate) fn open_images(&mut self, ctx: &Context, files: Vec<Chosen>) {
         let mut files = self.without_folders(files);
         self.take_newer(ctx, &mut files);
-        files.into_iter().for_each(|file| self.add_still(ctx, file));
+        self.add_images(ctx, files);
+    }
+
+    /// Adds a camera for every image. For a video, the operator chooses the image first.
+    pub(crate) fn add_images(&mut self, ctx: &Context, files: Vec<Chosen>) {
+        let (videos, images) = files.into_iter().partition(|file| FileKind::of(file) == FileKind::Video);
+        self.open_videos(ctx, videos);
+        images.into_iter().for_each(|file| self.add_still(ctx, file));
     }
 
     /// Imports the waiting files once all images and the plan are read. The cameras of these images then exist, so

@@ -133,7 +133,7 @@ fn conflict_ui(app: &mut App, ui: &mut Ui, conflict: &Conflict) {
     ui.set_max_width(420.0);
     let (what, way_out) = match &conflict.why {
         Why::Changed(_) => (
-            format!("{name} changed since you opened it."),
+            format!("{name} has changed since you opened it."),
             "Reload opens the version in the file and keeps your unsaved work on the start page. \
              Overwrite replaces the file with your work.",
         ),

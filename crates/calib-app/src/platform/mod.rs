@@ -9,6 +9,7 @@ pub(crate) mod web;
 use std::path::{Path, PathBuf};
 use std::pin::Pin;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use calib_editor::{AllowedFiles, Edge, FileResult, Source};
 use calib_image::{AutomaticCalibration, Comparison, LineSegment};
@@ -54,6 +55,58 @@ impl Recovery {
     pub(crate) fn done(&self, [old, new]: [&RgbImage; 2]) -> Result<Recovered, String> {
         let found = calib_image::recover(&self.site, self.index, &self.comparison, [old, new], &self.still);
         found.map_err(|refusal| refusal.to_string())
+    }
+}
+
+/// Frames to read from a video.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum FrameRequest {
+    /// This number of small frames, evenly spaced.
+    Strip(usize),
+    /// Frame that is shown at this time, in seconds.
+    At(f64),
+    /// This number of frames, evenly spaced.
+    Spread(usize),
+}
+
+impl FrameRequest {
+    /// Longer side of a small frame, in pixels.
+    pub(crate) const SMALL_SIDE: u32 = 240;
+}
+
+/// Frames of a video.
+#[derive(Debug)]
+pub(crate) struct VideoFrames {
+    pub(crate) duration_s: f64,
+    /// Pixel aspect of the frames, in the sense of `lens.pixel_aspect`.
+    pub(crate) pixel_aspect: f64,
+    /// Frames with their times in seconds, ascending.
+    pub(crate) frames: Vec<(f64, RgbImage)>,
+}
+
+/// Progress of work on a video, and its cancellation.
+#[derive(Debug, Default)]
+pub(crate) struct Progress {
+    /// Share of the work done, in thousandths.
+    thousandths: AtomicU32,
+    is_cancelled: AtomicBool,
+}
+
+impl Progress {
+    /// Returns the share of the work done, 0 to 1.
+    pub(crate) fn share(&self) -> f32 {
+        self.thousandths.load(Ordering::Relaxed) as f32 / 1000.0
+    }
+
+    /// Sets the share of the work done, 0 to 1. Returns whether to continue.
+    pub(crate) fn report(&self, share: f64) -> bool {
+        self.thousandths.store((1000.0 * share) as u32, Ordering::Relaxed);
+        !self.is_cancelled.load(Ordering::Relaxed)
+    }
+
+    /// Asks the work to stop.
+    pub(crate) fn cancel(&self) {
+        self.is_cancelled.store(true, Ordering::Relaxed);
     }
 }
 
@@ -146,6 +199,14 @@ pub(crate) trait Platform {
         source: Source,
         then: impl FnOnce(&[u8], DecodedImage, Option<Vec<u8>>) -> T + Send + 'static,
     ) -> Task<Result<T, String>>;
+
+    /// Reads frames of a video.
+    fn frames(
+        ctx: &Context,
+        file: &Chosen,
+        request: FrameRequest,
+        progress: &Arc<Progress>,
+    ) -> Task<Result<VideoFrames, String>>;
 
     /// Detects the straight edges of an image.
     fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>>;

@@ -13,7 +13,7 @@ use calib_editor::{Icon, Part};
 use egui::{CentralPanel, Frame, Margin, Panel, ScrollArea, Ui};
 
 use crate::annotate::{annotations, lens, links, measurements, result, steps};
-use crate::files::{outside, start};
+use crate::files::{outside, start, video};
 use crate::plan::{agreement, distances, ground_points, placement, planes, survey};
 use crate::state::{App, Mode};
 use crate::widgets::{NARROW, PHONE, section};
@@ -102,6 +102,9 @@ pub fn window_ui(app: &mut App, ui: &mut Ui) {
     }
     if app.dialogs.export.is_open {
         export::export_ui(app, ui.ctx());
+    }
+    if app.jobs.video.is_some() {
+        video::video_ui(app, ui.ctx());
     }
     outside::asked_ui(app, ui.ctx());
 }

@@ -24,6 +24,7 @@ use crate::platform::{Here, Platform, Task};
 use crate::state::{
     Comparing, Conflict, Decision, EllipseSize, Glance, Layers, List, Looking, Mode, Orbit, Outside, Palette,
     Panes, PathField, Place, Planning, Read, Recovering, Sent, Sheet, ShownCoverage, ShownMeasurements, Tour,
+    VideoSheet,
 };
 use crate::storage::autosave::Shelf;
 use crate::storage::autosave::Thumbnail;
@@ -143,6 +144,10 @@ pub struct Jobs {
     pub(crate) pictured: Option<Vec<u8>>,
     /// Images of new cameras that are being read.
     pub(crate) adding: Vec<Task<Read>>,
+    /// Sheet that takes an image from a video; `None` if it is closed.
+    pub(crate) video: Option<Box<VideoSheet>>,
+    /// Videos for which the sheet is opened next.
+    pub(crate) videos: VecDeque<Chosen>,
     /// Files of other programs, which are imported once images and plans are read.
     pub(crate) importing: Vec<Chosen>,
     /// Whether a camera was already added for one of the images that were opened together. The cameras of the other
@@ -350,6 +355,7 @@ impl App {
         let exported = self.dialogs.export.close();
         let was_asked = self.dialogs.conflict.take().is_some()
             | self.dialogs.path_field.take().is_some()
+            | self.jobs.video.take().is_some()
             | !self.dialogs.outside.asked.is_empty();
         if !self.dialogs.outside.asked.is_empty() {
             self.decide_outside(false);

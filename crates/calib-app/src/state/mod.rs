@@ -8,6 +8,7 @@ mod export;
 mod comparing;
 mod coverage;
 mod measurements;
+mod video;
 mod app;
 mod work;
 
@@ -22,6 +23,7 @@ pub(crate) use files::{Planning, Read, ReadPicture};
 pub(crate) use measurements::ShownMeasurements;
 pub(crate) use request::Sent;
 pub use tour::{STEPS, Tour, TourButton, TourStep};
+pub(crate) use video::{Reading, SCENE_FRAMES, Still, VideoSheet};
 pub(crate) use view::NEAR;
 pub use view::{
     EllipseSize, Glance, Layers, List, Looking, Mode, Orbit, Order, Palette, Panes, Place, Showing,

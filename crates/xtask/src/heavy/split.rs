@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
 /// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
-const REST: [&str; 119] = [
+const REST: [&str; 121] = [
     // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
@@ -55,6 +55,7 @@ const REST: [&str; 119] = [
     "calib_app::export",
     "calib_app::files::answers",
     "calib_app::files::open",
+    "calib_app::files::video",
     "calib_app::annotate::annotations::usual_size_menu",
     "calib_app::annotate::links",
     "calib_app::annotate::measurements",
@@ -75,6 +76,7 @@ const REST: [&str; 119] = [
     "calib_app::scene3d",
     "calib_app::state::coverage",
     "calib_app::state::measurements",
+    "calib_app::state::video",
     "calib_app::shell::palette",
     "calib_editor::apply::places",
     "calib_editor::apply::proposing",

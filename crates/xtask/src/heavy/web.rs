@@ -251,7 +251,7 @@ fn id_attribute(script: &str) -> &'static str {
 fn policy(scripts: &str, styles: &str, connections: &str) -> String {
     format!(
         "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src {scripts} \
-         'wasm-unsafe-eval'; style-src {styles}; img-src 'self' data: blob:; connect-src {connections}; \
+         'wasm-unsafe-eval'; style-src {styles}; img-src 'self' data: blob:; media-src blob:; connect-src {connections}; \
          manifest-src 'self'; worker-src 'self' blob:; base-uri 'none'; form-action 'none'\">"
     )
 }

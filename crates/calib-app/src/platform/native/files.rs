@@ -8,7 +8,7 @@ use calib_editor::{AllowedFiles, FileResult, world_endings};
 use calib_input::PartialFile;
 use calib_site::MAX_BYTES;
 
-use crate::choice::{Chosen, Purpose, SITE, images, plans};
+use crate::choice::{Chosen, Purpose, SITE, images, images_and_videos, plans};
 use crate::platform::Answer;
 
 /// Reads a file, up to the largest size of a site or an image.
@@ -142,9 +142,13 @@ pub(super) fn ask(purpose: Purpose) -> Answer {
     let image_endings = images();
     let images = |title: &str| dialog.clone().set_title(title).add_filter("Images", &image_endings);
     let answer: Pin<Box<dyn Future<Output = Vec<rfd::FileHandle>>>> = match purpose {
-        Purpose::AddImages | Purpose::NewerStill => {
-            let what = if purpose == Purpose::AddImages { "Add images" } else { "Choose newer images" };
-            let files = images(what).pick_files();
+        Purpose::AddImages => {
+            let endings = images_and_videos();
+            let files = dialog.set_title("Add images").add_filter("Images and videos", &endings).pick_files();
+            Box::pin(async { files.await.unwrap_or_default() })
+        }
+        Purpose::NewerStill => {
+            let files = images("Choose newer images").pick_files();
             Box::pin(async { files.await.unwrap_or_default() })
         }
         Purpose::SaveSite | Purpose::SavePlain => {

@@ -15,7 +15,7 @@ use image::RgbImage;
 
 use crate::choice::{Chosen, Purpose};
 use crate::drawing::DecodedImage;
-use crate::platform::{Answer, Platform, Recovery, Stills};
+use crate::platform::{Answer, FrameRequest, Platform, Progress, Recovery, Stills, VideoFrames};
 
 /// Desktop platform.
 #[derive(Clone, Copy, Debug)]
@@ -103,6 +103,15 @@ impl Platform for Native {
         then: impl FnOnce(&[u8], DecodedImage, Option<Vec<u8>>) -> T + Send + 'static,
     ) -> Task<Result<T, String>> {
         task::still(ctx, name, source, then)
+    }
+
+    fn frames(
+        ctx: &Context,
+        file: &Chosen,
+        request: FrameRequest,
+        progress: &Arc<Progress>,
+    ) -> Task<Result<VideoFrames, String>> {
+        task::frames(ctx, file, request, progress)
     }
 
     fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>> {

@@ -1,17 +1,21 @@
 //! Background work on threads.
 
+use std::fs::File;
+use std::io::{BufReader, Cursor};
 use std::sync::Arc;
 
 use calib_editor::{Edge, Source, decode, edges, refined};
 use calib_image::{AutomaticCalibration, Comparison, EdgeImage, LineSegment, line_segments};
 use calib_plan::{DrawingKind, View};
 use calib_site::{Recovered, Site, SiteCamera};
+use calib_video::{Video, VideoError};
 use egui::Context;
 use image::{ImageFormat, RgbImage};
 
+use crate::choice::Chosen;
 use crate::drawing::DecodedImage;
 use crate::platform::native::files;
-use crate::platform::{Lost, Recovery, Stills};
+use crate::platform::{FrameRequest, Lost, Progress, Recovery, Stills, VideoFrames};
 
 /// Task in the background and its result. A task that is dropped before its start is not started.
 #[derive(Debug)]
@@ -137,7 +141,7 @@ fn png_of_svg(decoded: &DecodedImage) -> Result<Option<Vec<u8>>, String> {
     if decoded.drawing.as_ref().is_none_or(|drawing| drawing.kind != DrawingKind::Svg) {
         return Ok(None);
     }
-    let mut png = std::io::Cursor::new(Vec::new());
+    let mut png = Cursor::new(Vec::new());
     decoded.image.write_to(&mut png, ImageFormat::Png).map_err(|error| error.to_string())?;
     Ok(Some(png.into_inner()))
 }
@@ -157,6 +161,54 @@ pub(super) fn still<T: Send + 'static>(
         };
         picture().map_err(|error: String| format!("{name}: {error}"))
     })
+}
+
+/// Reads frames of a video, with the decoders of the program.
+pub(super) fn frames(
+    ctx: &Context,
+    file: &Chosen,
+    request: FrameRequest,
+    progress: &Arc<Progress>,
+) -> Task<Result<VideoFrames, String>> {
+    let (file, progress) = (file.clone(), Arc::clone(progress));
+    Task::spawn_apart(ctx, move || read_frames(file, request, &progress).map_err(|error| error.to_string()))
+}
+
+fn read_frames(file: Chosen, request: FrameRequest, progress: &Progress) -> Result<VideoFrames, VideoError> {
+    let mut video = match (file.path, file.bytes) {
+        (Some(path), _) => Video::open(BufReader::new(File::open(path)?))?,
+        (None, bytes) => Video::open(Cursor::new(bytes.unwrap_or_default()))?,
+    };
+    let mut report = |share| progress.report(share);
+    let frames = match request {
+        FrameRequest::At(time) => vec![video.frame_at(time)?],
+        FrameRequest::Strip(count) | FrameRequest::Spread(count) => {
+            let times = video.spread_times(count);
+            video.frames_at(&times, &mut report)?
+        }
+    };
+    let is_small = matches!(request, FrameRequest::Strip(_));
+    let shown = |(time, image): (f64, RgbImage)| (time, if is_small { small(&image) } else { image });
+    Ok(VideoFrames {
+        duration_s: video.duration_s(),
+        pixel_aspect: video.pixel_aspect(),
+        frames: one_size(frames).into_iter().map(shown).collect(),
+    })
+}
+
+/// Returns the frames that have the size of the first one. The size may change within a recording.
+fn one_size(mut frames: Vec<(f64, RgbImage)>) -> Vec<(f64, RgbImage)> {
+    let size = frames.first().map(|(_, image)| image.dimensions());
+    frames.retain(|(_, image)| Some(image.dimensions()) == size);
+    frames
+}
+
+/// Returns a smaller copy of a frame.
+fn small(image: &RgbImage) -> RgbImage {
+    let [width, height] = [image.width(), image.height()];
+    let scale = (f64::from(FrameRequest::SMALL_SIDE) / f64::from(width.max(height))).min(1.0);
+    let [width, height] = [width, height].map(|side| ((f64::from(side) * scale).round() as u32).max(1));
+    image::imageops::thumbnail(image, width, height)
 }
 
 pub(super) fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>> {

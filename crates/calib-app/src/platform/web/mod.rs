@@ -4,7 +4,9 @@ pub(crate) mod page;
 mod task;
 mod worker;
 
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::sync::Arc;
 
 use calib_editor::{AllowedFiles, Edge, FileResult, Source};
@@ -14,12 +16,12 @@ use calib_site::{Recovered, Site, SiteCamera};
 use egui::Context;
 use image::RgbImage;
 use js_sys::{Reflect, Uint8Array};
-use wasm_bindgen::{JsCast as _, JsValue};
+use wasm_bindgen::{JsCast as _, JsValue, prelude::Closure};
 use wasm_bindgen_futures::JsFuture;
 
 use crate::choice::{Chosen, Purpose};
 use crate::drawing::DecodedImage;
-use crate::platform::{Answer, Platform, Recovery, Stills};
+use crate::platform::{Answer, FrameRequest, Platform, Progress, Recovery, Stills, VideoFrames};
 
 pub use task::Task;
 
@@ -43,7 +45,7 @@ impl Platform for Web {
 
     /// Returns an error: the browser cannot read paths, and files must be dropped on the page.
     fn read(path: &Path) -> FileResult<Vec<u8>> {
-        Err(format!("{}: drop this image here", path.display()))
+        Err(format!("{}: drop this image on the page", path.display()))
     }
 
     fn read_within(path: &Path, _: &AllowedFiles) -> FileResult<Vec<u8>> {
@@ -135,6 +137,17 @@ impl Platform for Web {
         })
     }
 
+    fn frames(
+        ctx: &Context,
+        file: &Chosen,
+        request: FrameRequest,
+        progress: &Arc<Progress>,
+    ) -> Task<Result<VideoFrames, String>> {
+        let bytes = Uint8Array::from(file.bytes.as_deref().unwrap_or_default());
+        let progress = Arc::clone(progress);
+        Task::wait(ctx, async move { frames(&bytes, request, progress).await })
+    }
+
     fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>> {
         let image = Arc::clone(image);
         // After an error there are no edges, and the operator annotates by hand.
@@ -214,6 +227,37 @@ pub(crate) async fn read_all(files: &js_sys::Array) -> Vec<Chosen> {
         chosen.push(Chosen { name: file.name(), path: None, bytes });
     }
     chosen
+}
+
+/// Reads frames of a video with the decoder of the browser, which shows every frame with square pixels.
+async fn frames(
+    bytes: &Uint8Array,
+    request: FrameRequest,
+    progress: Arc<Progress>,
+) -> Result<VideoFrames, String> {
+    let (time, count, side) = match request {
+        FrameRequest::At(time) => (time, 1, 0),
+        FrameRequest::Strip(count) => (-1.0, count, FrameRequest::SMALL_SIDE),
+        FrameRequest::Spread(count) => (-1.0, count, 0),
+    };
+    let found = Rc::new(RefCell::new(Vec::new()));
+    let all = Rc::clone(&found);
+    let take = Closure::<dyn FnMut(f64, u32, u32, Uint8Array) -> bool>::new(
+        move |time: f64, width: u32, height: u32, pixels: Uint8Array| {
+            let rgb =
+                pixels.to_vec().chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
+            let mut all = all.borrow_mut();
+            all.extend(RgbImage::from_raw(width, height, rgb).map(|image| (time, image)));
+            progress.report(all.len() as f64 / count as f64)
+        },
+    );
+    let read = page::frames(bytes, time, count as u32, side, take.as_ref().unchecked_ref());
+    let duration = JsFuture::from(read).await.map_err(|error| said(&error))?;
+    Ok(VideoFrames {
+        duration_s: duration.as_f64().unwrap_or_default(),
+        pixel_aspect: 1.0,
+        frames: found.take(),
+    })
 }
 
 /// Rasterises an SVG on white; returns a PNG.

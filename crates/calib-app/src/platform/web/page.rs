@@ -8,7 +8,7 @@ use js_sys::{Array, Function, Promise, Uint8Array};
 use serde::de::DeserializeOwned;
 use wasm_bindgen::prelude::*;
 
-use crate::choice::{Chosen, Purpose, SITE, images, plans};
+use crate::choice::{Chosen, Purpose, SITE, images, images_and_videos, plans};
 use crate::platform::web::pick as pick_files;
 
 /// Parses a JSON message. The bytes are converted to text first, because a second parser would double the
@@ -27,7 +27,8 @@ pub(super) async fn ask(purpose: Purpose) -> Vec<Chosen> {
         // A site is chosen together with its images and its plan.
         Purpose::Open => pick_files(&[], true).await,
         Purpose::Compare => pick_files(SITE, false).await,
-        Purpose::AddImages | Purpose::NewerStill => pick_files(&images(), true).await,
+        Purpose::AddImages => pick_files(&images_and_videos(), true).await,
+        Purpose::NewerStill => pick_files(&images(), true).await,
         Purpose::ReplaceStill => pick_files(&images(), false).await,
         // A plan is chosen together with its world file.
         Purpose::LoadPlan => pick_files(&[&plans(), world_endings()].concat(), true).await,
@@ -108,6 +109,13 @@ extern "C" {
     /// Rasterises an SVG on white; the promise resolves to a PNG. `side` is its longer side, in pixels.
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn draw(bytes: &Uint8Array, side: u32) -> Promise;
+
+    /// Reads frames of a video with the decoder of the browser: the frame at `time`, in seconds, or `count` frames evenly
+    /// spread if `time` is negative. The longer side of a frame is at most `side` pixels, unless `side` is 0. `each` gets
+    /// the time, width, height and RGBA pixels of every frame, and returns whether to continue. The promise resolves
+    /// to the duration in seconds.
+    #[wasm_bindgen(js_namespace = calib)]
+    pub(crate) fn frames(bytes: &Uint8Array, time: f64, count: u32, side: u32, each: &Function) -> Promise;
 
     /// Stops the worker that does this kind of work.
     #[wasm_bindgen(js_namespace = calib)]

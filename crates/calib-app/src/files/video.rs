@@ -1,0 +1,249 @@
+//! Sheet that takes an image from a video: one frame, or the scene without the objects that move.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use calib_editor::Action;
+use egui::{Align2, Color32, Context, DragValue, Frame, ProgressBar, RichText, Sense, Ui, Vec2, Window};
+
+use crate::choice::Chosen;
+use crate::platform::{FrameRequest, Here, Platform as _, Task};
+use crate::state::{App, Reading, SCENE_FRAMES, Still, VideoSheet};
+use crate::theme;
+
+/// Width of the sheet's contents, in points.
+const WIDTH: f32 = 640.0;
+
+impl App {
+    /// Opens the sheet for videos, one after the other.
+    pub(crate) fn open_videos(&mut self, ctx: &Context, files: Vec<Chosen>) {
+        self.jobs.videos.extend(files);
+        self.next_video(ctx);
+    }
+
+    fn next_video(&mut self, ctx: &Context) {
+        if self.jobs.video.is_none()
+            && let Some(file) = self.jobs.videos.pop_front()
+        {
+            if let Some(path) = &file.path {
+                self.allow_chosen(path);
+            }
+            self.jobs.video = Some(Box::new(VideoSheet::new(ctx, file)));
+        }
+    }
+
+    /// Opens an image of a video. On the desktop, it is written beside the video; if that fails, it is stored in the site.
+    fn open_frame(&mut self, ctx: &Context, video: &Chosen, name: String, bytes: Vec<u8>) {
+        let path = video.path.as_ref().map(|video| video.with_file_name(&name));
+        let written = path.filter(|path| {
+            let is_same = || Here::read(path).is_ok_and(|old| old == bytes);
+            if path.exists() { is_same() } else { Here::write(path, &bytes).is_ok() }
+        });
+        let file = match written {
+            Some(path) => Chosen::of_path(path),
+            None => Chosen { name, path: None, bytes: Some(bytes) },
+        };
+        self.open_files(ctx, vec![file]);
+    }
+}
+
+/// Shows the sheet of the video, and the next video after it.
+pub(crate) fn video_ui(app: &mut App, ctx: &Context) {
+    let Some(mut sheet) = app.jobs.video.take() else { return };
+    sheet.poll(ctx);
+    if let Some(result) = sheet.encoding.as_ref().and_then(Task::poll) {
+        match result {
+            Ok((name, bytes)) => {
+                app.open_frame(ctx, &sheet.file, name, bytes);
+                if (sheet.pixel_aspect - 1.0).abs() > 1e-3 {
+                    app.act(Action::Note(format!(
+                        "The pixels of this video are not square. Enter {:.4} as pixel aspect in the panel \u{201c}Lens\u{201d}.",
+                        sheet.pixel_aspect
+                    )));
+                }
+                return app.next_video(ctx);
+            }
+            Err(error) => (sheet.encoding, sheet.error) = (None, Some(error)),
+        }
+    }
+    let mut is_open = true;
+    let window = Window::new("Image from a video").title_bar(false).resizable(false).default_width(WIDTH);
+    window.anchor(Align2::CENTER_TOP, Vec2::new(0.0, 56.0)).show(ctx, |ui| {
+        ui.set_width(WIDTH.min(ctx.content_rect().width() - 48.0));
+        is_open = sheet_ui(&mut sheet, ui);
+    });
+    if is_open {
+        app.jobs.video = Some(sheet);
+    } else {
+        app.next_video(ctx);
+    }
+}
+
+/// Shows the contents of the sheet. Returns whether it stays open.
+fn sheet_ui(sheet: &mut VideoSheet, ui: &mut Ui) -> bool {
+    ui.label(RichText::new(format!("Image from {}", sheet.file.name)).font(theme::medium(13.0)));
+    picture_ui(sheet, ui);
+    strip_ui(sheet, ui);
+    if !sheet.strip.is_empty() {
+        choice_ui(sheet, ui);
+    }
+    status_ui(sheet, ui);
+    let mut is_open = true;
+    ui.horizontal(|ui| {
+        let is_ready = sheet.encoding.is_none() && sheet.chosen().is_some();
+        if ui.add_enabled(is_ready, egui::Button::new("Use this image")).clicked() {
+            encode(sheet, ui.ctx());
+        }
+        is_open = !ui.button("Cancel").clicked();
+        if let Some(still) = sheet.chosen().filter(|_| Here::HAS_FOLDERS) {
+            let text = format!("Saves {} beside the video", sheet.name_of(still));
+            ui.label(RichText::new(text).small().color(theme::palette(ui.ctx()).text2));
+        }
+    });
+    is_open
+}
+
+/// Starts writing the chosen image as PNG.
+fn encode(sheet: &mut VideoSheet, ctx: &Context) {
+    let Some(still) = sheet.chosen() else { return };
+    let (image, name) = (Arc::clone(&still.image), sheet.name_of(still));
+    sheet.encoding = Some(Task::spawn(ctx, move || {
+        let mut png = std::io::Cursor::new(Vec::new());
+        image.write_to(&mut png, image::ImageFormat::Png).map_err(|error| error.to_string())?;
+        Ok((name, png.into_inner()))
+    }));
+}
+
+/// Shows the chosen image, or a small frame until it is read.
+fn picture_ui(sheet: &VideoSheet, ui: &mut Ui) {
+    let width = ui.available_width();
+    let still = sheet.chosen().or(sheet.frame.as_ref());
+    let shown = still.map(|still| match &still.moved {
+        Some((marked, _)) if sheet.marks_moved => marked,
+        _ => &still.texture,
+    });
+    let first = sheet.strip.first().map(|(_, small)| small);
+    // A wide and low screen shows the whole sheet, too.
+    let most = Vec2::new(width, (ui.ctx().content_rect().height() - 300.0).clamp(120.0, 0.6 * width));
+    match shown.or(first) {
+        Some(texture) => {
+            let size = texture.size_vec2();
+            let scale = (most / size).min_elem();
+            ui.vertical_centered(|ui| ui.image((texture.id(), size * scale)));
+        }
+        None => {
+            ui.allocate_space(Vec2::new(width, most.y.min(9.0 / 16.0 * width)));
+        }
+    }
+}
+
+/// Shows the small frames; a click chooses the time of one.
+fn strip_ui(sheet: &mut VideoSheet, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let gap = 4.0;
+    let count = sheet.strip.len().max(1) as f32;
+    let width = (ui.available_width() - gap * (count - 1.0)) / count - 2.0;
+    let mut chosen = None;
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = gap;
+        for (time, small) in &sheet.strip {
+            let is_chosen = !sheet.removes_moving && (time - sheet.time_s).abs() < 1e-9;
+            let edge = if is_chosen { palette.accent } else { Color32::TRANSPARENT };
+            let size = small.size_vec2();
+            let image = egui::Image::new((small.id(), size * (width / size.x))).sense(Sense::click());
+            let frame = Frame::NONE.stroke((1.0, edge)).show(ui, |ui| ui.add(image)).inner;
+            let name = format!("Frame at {}", clock(*time));
+            frame.widget_info(|| egui::WidgetInfo::selected(egui::Role::Button, true, is_chosen, &name));
+            if frame.on_hover_text(clock(*time)).clicked() {
+                chosen = Some(*time);
+            }
+        }
+    });
+    if let Some(time) = chosen {
+        (sheet.time_s, sheet.removes_moving, sheet.error) = (time, false, None);
+    }
+}
+
+/// Shows the time of the frame, and the choice of the empty scene.
+fn choice_ui(sheet: &mut VideoSheet, ui: &mut Ui) {
+    // The last frame is shown before the end.
+    let most = (sheet.duration_s - 1e-3).max(0.0);
+    ui.add_enabled_ui(!sheet.removes_moving, |ui| {
+        ui.horizontal(|ui| {
+            let label = ui.label("Time");
+            let mut time = sheet.time_s;
+            ui.spacing_mut().slider_width = ui.available_width() - 190.0;
+            let slider =
+                ui.add(egui::Slider::new(&mut time, 0.0..=most).show_value(false)).labelled_by(label.id);
+            let field =
+                DragValue::new(&mut time).range(0.0..=most).speed(0.04).fixed_decimals(2).suffix(" s");
+            let field = ui.add(field.update_while_editing(false)).labelled_by(label.id);
+            ui.label(format!("of {}", clock(sheet.duration_s)));
+            let is_changed = slider.changed() || field.changed();
+            if is_changed {
+                (sheet.time_s, sheet.error) = (time, None);
+            }
+        });
+    });
+    ui.horizontal(|ui| {
+        let choice = ui.checkbox(&mut sheet.removes_moving, "Remove what moves").on_hover_text(format!(
+            "Median of {SCENE_FRAMES} frames. People and vehicles that move disappear; lines are easier to annotate."
+        ));
+        if choice.changed() {
+            sheet.error = None;
+        }
+        if sheet.removes_moving && sheet.scene.is_some() {
+            ui.checkbox(&mut sheet.marks_moved, "Show what moved");
+        }
+    });
+}
+
+/// Shows progress, an error, or notes about the chosen image.
+fn status_ui(sheet: &VideoSheet, ui: &mut Ui) {
+    /// Share of the pixels that may be covered in many frames, 0 to 1.
+    const MAX_BUSY_SHARE: f64 = 0.01;
+    let palette = theme::palette(ui.ctx());
+    if let Some(error) = &sheet.error {
+        ui.label(RichText::new(error).color(palette.bad));
+    } else if let Some(Reading { request, progress, .. }) = &sheet.reading {
+        let text = match request {
+            FrameRequest::Strip(_) => "Reading the video\u{2026}",
+            FrameRequest::At(_) => "Reading the frame\u{2026}",
+            FrameRequest::Spread(_) => "Reading the frames of the empty scene\u{2026}",
+        };
+        ui.add(ProgressBar::new(progress.share()).desired_height(14.0).text(RichText::new(text).small()));
+        ui.ctx().request_repaint_after(Duration::from_millis(100));
+    } else if let Some(Still { moved: Some((_, [moved, busy])), .. }) = sheet.chosen() {
+        let mut text = format!("Something moved in {:.1} % of the image.", 100.0 * moved);
+        if *busy > MAX_BUSY_SHARE {
+            text += &format!(
+                " Objects that hardly moved may be visible in {:.1} % of the image; use a longer video.",
+                100.0 * busy
+            );
+        }
+        ui.label(RichText::new(text).color(palette.text2));
+    } else {
+        // The height of the sheet stays the same.
+        ui.label("");
+    }
+}
+
+/// Formats a time as seconds, or as minutes and seconds from one minute.
+fn clock(seconds: f64) -> String {
+    if seconds < 60.0 {
+        return format!("{seconds:.2} s");
+    }
+    let minutes = (seconds / 60.0).floor();
+    format!("{minutes:.0}:{:05.2} min", seconds - 60.0 * minutes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_have_minutes_from_one_minute() {
+        assert_eq!(clock(12.345), "12.35 s");
+        assert_eq!(clock(125.5), "2:05.50 min");
+    }
+}

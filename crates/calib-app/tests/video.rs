@@ -1,0 +1,150 @@
+//! Images from videos: one frame, or the scene without the objects that move.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod desk;
+
+use calib_site::Site;
+use calib_tests::Scratch;
+use desk::Desk;
+use egui::Key;
+use egui_kittest::kittest::Queryable as _;
+
+/// Clips of 12 frames, four a second: a square of 16 pixels moves over a background of the brightness
+/// `40 + x + y / 2`.
+const CLIPS: [(&str, &[u8]); 4] = [
+    ("h264.mp4", include_bytes!("../../calib-video/tests/clips/h264.mp4")),
+    ("h265.mp4", include_bytes!("../../calib-video/tests/clips/h265.mp4")),
+    ("h264.mkv", include_bytes!("../../calib-video/tests/clips/h264.mkv")),
+    ("mjpeg.avi", include_bytes!("../../calib-video/tests/clips/mjpeg.avi")),
+];
+
+/// Opens files of a folder as dropped files.
+fn open(desk: &mut Desk, scratch: &Scratch, names: &[&str]) {
+    let ctx = desk.harness.ctx.clone();
+    desk.app().open_paths(&ctx, names.iter().map(|name| scratch.path(name)));
+    desk.harness.run_steps(2);
+}
+
+/// Waits until a text is shown.
+fn wait_for(desk: &mut Desk, text: &str) {
+    for _ in 0..600 {
+        desk.harness.step();
+        if desk.words().iter().any(|word| word.contains(text)) {
+            return;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    panic!("{text:?} is not shown: {:?}", desk.words());
+}
+
+/// Clicks the button with this text when it is enabled, and waits until cameras are added.
+fn use_image(desk: &mut Desk, cameras: usize) {
+    wait_for(desk, "beside the video");
+    desk.harness.get_by_label("Use this image").click();
+    desk.wait(|app| app.editor.site().cameras.len() == cameras && !app.is_working());
+    desk.harness.run_steps(2);
+}
+
+/// Returns the 99th percentile of the difference between the green of an image and the background.
+fn difference(image: &image::RgbImage) -> u8 {
+    let of = |(x, y, pixel): (u32, u32, &image::Rgb<u8>)| pixel.0[1].abs_diff((40 + x + y / 2) as u8);
+    let mut all: Vec<u8> = image.enumerate_pixels().map(of).collect();
+    all.sort_unstable();
+    all[all.len() * 99 / 100]
+}
+
+#[test]
+fn a_frame_of_a_video_becomes_a_camera() {
+    for (name, bytes) in CLIPS {
+        let scratch = Scratch::new();
+        scratch.write(name, bytes);
+        let mut desk = Desk::new(Site::new());
+        open(&mut desk, &scratch, &[name]);
+        wait_for(&mut desk, &format!("Image from {name}"));
+        use_image(&mut desk, 1);
+        let stem = name.split('.').next().unwrap();
+        let camera = &desk.site().cameras[0];
+        assert!(camera.id.starts_with(&format!("{stem} 0.")), "{}", camera.id);
+        let saved = image::open(scratch.path(&format!("{}.png", camera.id))).unwrap().into_rgb8();
+        assert_eq!((saved.dimensions(), camera.size()), ((96, 64), [96.0, 64.0]), "{name}");
+        // The square is visible.
+        assert!(difference(&saved) > 30, "{name}");
+    }
+}
+
+#[test]
+fn the_frame_at_a_time_has_the_time_in_its_name() {
+    let scratch = Scratch::new();
+    scratch.write("door_20260501_083005.mp4", CLIPS[0].1);
+    let mut desk = Desk::new(Site::new());
+    open(&mut desk, &scratch, &["door_20260501_083005.mp4"]);
+    wait_for(&mut desk, "beside the video");
+    let frames = |desk: &Desk| {
+        let is_frame = |word: &String| word.starts_with("Frame at ");
+        let mut words: Vec<String> = desk.words().into_iter().filter(is_frame).collect();
+        words.dedup();
+        words
+    };
+    let shown = frames(&desk);
+    assert_eq!(shown.len(), 8, "{shown:?}");
+    desk.harness.get_by_label(&shown[6]).click();
+    desk.harness.run_steps(2);
+    let seconds: f64 = shown[6].trim_start_matches("Frame at ").trim_end_matches(" s").parse().unwrap();
+    wait_for(&mut desk, &format!("door_20260501_08300{:.3}.png", 5.0 + seconds));
+    use_image(&mut desk, 1);
+    assert!(desk.site().cameras[0].id.starts_with("door_20260501_0830"), "{}", desk.site().cameras[0].id);
+}
+
+#[test]
+fn objects_that_move_are_removed() {
+    let scratch = Scratch::new();
+    scratch.write("yard.mp4", CLIPS[0].1);
+    let mut desk = Desk::new(Site::new());
+    open(&mut desk, &scratch, &["yard.mp4"]);
+    wait_for(&mut desk, "Remove what moves");
+    desk.harness.get_by_label("Remove what moves").click();
+    wait_for(&mut desk, "Something moved in 2");
+    desk.harness.get_by_label("Show what moved").click();
+    use_image(&mut desk, 1);
+    let saved = image::open(scratch.path("yard empty.png")).unwrap().into_rgb8();
+    assert!(difference(&saved) <= 4, "{}", difference(&saved));
+}
+
+#[test]
+fn several_videos_are_opened_one_after_the_other() {
+    let scratch = Scratch::new();
+    for (name, bytes) in &CLIPS[..2] {
+        scratch.write(name, bytes);
+    }
+    let mut desk = Desk::new(Site::new());
+    open(&mut desk, &scratch, &["h264.mp4", "h265.mp4"]);
+    wait_for(&mut desk, "Image from h264.mp4");
+    wait_for(&mut desk, "beside the video");
+    desk.harness.get_by_label("Cancel").click();
+    wait_for(&mut desk, "Image from h265.mp4");
+    use_image(&mut desk, 1);
+    assert!(desk.words().iter().all(|word| !word.contains("Image from")));
+    desk.undo();
+    assert!(desk.site().cameras.is_empty());
+}
+
+#[test]
+fn a_damaged_video_is_refused_and_escape_closes_the_sheet() {
+    let scratch = Scratch::new();
+    scratch.write("cut.mp4", &CLIPS[0].1[..CLIPS[0].1.len() / 3]);
+    let mut desk = Desk::new(Site::new());
+    open(&mut desk, &scratch, &["cut.mp4"]);
+    wait_for(&mut desk, "Image from cut.mp4");
+    for _ in 0..100 {
+        desk.harness.step();
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let words = desk.words();
+    assert!(!words.iter().any(|word| word.starts_with("Reading the")), "{words:?}");
+    assert!(!words.iter().any(|word| word.contains("beside the video")), "{words:?}");
+    desk.key(Key::Escape);
+    desk.harness.run_steps(2);
+    assert!(desk.words().iter().all(|word| !word.contains("Image from")));
+    assert!(desk.site().cameras.is_empty());
+}
