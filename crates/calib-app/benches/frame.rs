@@ -1,5 +1,5 @@
-//! Duration of a frame without painting, with sixteen cameras in all views and a mark being dragged; and of a
-//! solve while a line or a straight edge is dragged. Prints a JSON object; `cargo xtask bench` collects it.
+//! Benchmark of the app, without painting: frame times while a mark, the image, the plan or a camera is moved, and
+//! solve times while a line is dragged. Prints a JSON object for `cargo xtask bench`.
 #![allow(clippy::unwrap_used, reason = "a measurement that cannot be made fails")]
 
 #[path = "../tests/desk/mod.rs"]
@@ -21,7 +21,8 @@ use egui::{Event, Key, Modifiers, PointerButton, Pos2};
 /// Number of measured frames and solves.
 const COUNT: usize = 1000;
 
-/// Returns a site of sixteen cameras, made of three shop cameras, each with its own image.
+/// Returns a site of sixteen cameras, which are copies of three cameras of the demonstration. Each has its own
+/// image.
 fn sixteen() -> (Site, Images) {
     let mut site = demo();
     let shop = site.cameras[..3].to_vec();
@@ -39,7 +40,7 @@ fn sixteen() -> (Site, Images) {
     (site, images)
 }
 
-/// Stores a uniform grey image.
+/// Stores a uniform grey image and returns its id.
 fn still(images: &mut Images, [w, h]: [u32; 2], grey: u8) -> String {
     let picture = image::RgbImage::from_pixel(w, h, image::Rgb([grey; 3]));
     let mut bytes = std::io::Cursor::new(Vec::new());
@@ -47,7 +48,7 @@ fn still(images: &mut Images, [w, h]: [u32; 2], grey: u8) -> String {
     images.store(bytes.into_inner().into(), "image/png", None)
 }
 
-/// Returns a desk with all images decoded.
+/// Opens the site in a test window (`Desk`), presses the key of a view, and waits until all images are decoded.
 fn arrived(site: Site, images: Images, view: Key) -> Desk {
     let mut desk = Desk::with(site, images);
     desk.key(view);
@@ -56,12 +57,12 @@ fn arrived(site: Site, images: Images, view: Key) -> Desk {
         desk.harness.step();
         assert!(patience.elapsed().as_secs() < 120, "the stills do not arrive");
     }
-    // One tile per frame is uploaded.
+    // Each frame uploads one texture tile, so 64 frames upload all of them.
     desk.harness.run_steps(64);
     desk
 }
 
-/// Returns the milliseconds of every frame while a mark is dragged in one of all views.
+/// Measures the duration of every frame, in milliseconds, while a mark is dragged in the view of all cameras.
 fn frames() -> Vec<f64> {
     let (site, images) = sixteen();
     let mut desk = arrived(site, images, Key::Num3);
@@ -74,8 +75,8 @@ fn frames() -> Vec<f64> {
     took
 }
 
-/// Returns the milliseconds of every frame while a button held at `at` moves on an ellipse with these half
-/// axes.
+/// Measures the duration of every frame, in milliseconds, while the pointer drags from `at` around an ellipse. `[a,
+/// b]` are its semi-axes, in points.
 fn dragged(desk: &mut Desk, at: Pos2, button: PointerButton, [a, b]: [f32; 2]) -> Vec<f64> {
     let modifiers = Modifiers::NONE;
     desk.harness.event(Event::PointerMoved(at));
@@ -105,7 +106,8 @@ fn solves(camera: usize) -> Vec<f64> {
     (0..COUNT).map(solve).collect()
 }
 
-/// Returns the first camera of the demonstration with straight edges, and the last one, a fisheye.
+/// Returns the indices of the first and the last camera of the demonstration whose first annotation is a straight
+/// edge. The last one is a fisheye.
 fn with_edges() -> [usize; 2] {
     let site = demo();
     let has_edges = |camera: &usize| site.cameras[*camera].annotations[0].kind == Kind::Straight;
@@ -166,7 +168,8 @@ fn wheels() -> Vec<f64> {
     (0..200).map(tick).collect()
 }
 
-/// Returns the milliseconds of every frame while a camera is dragged on the plan and the coverage follows it.
+/// Measures the duration of every frame, in milliseconds, while a camera is dragged on the plan and the coverage is
+/// recomputed.
 fn coverage_drags() -> Vec<f64> {
     let mut site = demo();
     // A camera with control points cannot be dragged.

@@ -91,7 +91,7 @@ impl Refining {
     /// Returns the refined site when the refinement has ended; call it no more afterwards.
     #[must_use]
     pub(crate) fn poll(&self) -> Option<Result<Site, String>> {
-        let lost = |_| "The refinement failed. Please report this.".to_owned();
+        let lost = |_| "internal error; please report this".to_owned();
         Some(self.task.outcome()?.map_err(lost).flatten())
     }
 }

@@ -24,7 +24,7 @@ fn main() -> std::process::ExitCode {
         Err(error) => {
             let has_display =
                 ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
-            let why = if has_display { error.to_string() } else { "there is no display".into() };
+            let why = if has_display { error.to_string() } else { "no display was found".into() };
             eprintln!(
                 "The window could not be opened: {why}.\nThe app needs a display: start it in a desktop \
                  session, or set DISPLAY or WAYLAND_DISPLAY. Without a display, run `calib solve` on a site file."

@@ -163,7 +163,7 @@ impl Row<'_> {
                         count => format!("; {} {words}", counted(count, "line", "lines")),
                     };
                     label.on_hover_text(format!(
-                        "Probability of this group: {share:.0} %{}{}",
+                        "Mean probability that a line belongs to this group: {share:.0} %{}{}",
                         lying(EdgeClass::Floor, "probably on the floor"),
                         lying(EdgeClass::Above, "above the floor")
                     ));

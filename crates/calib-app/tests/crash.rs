@@ -1,4 +1,4 @@
-//! A killed program: no work older than the last finished gesture is lost.
+//! Tests of the autosave: after the program is killed or closed, every finished gesture can be recovered.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -17,7 +17,8 @@ use egui::{Context, Key, Modifiers};
 
 const FOLDER: &str = "CALIB_CRASH_FOLDER";
 
-/// Returns the horizontal displacement of the first point of the first line, in steps.
+/// Returns the horizontal displacement, in pixels, of the first point of the first line from its position in the
+/// demonstration site. Each step of the child process moves the point by one pixel.
 fn progress(site: &calib_site::Site) -> f64 {
     let start = desk::demo().cameras[0].annotations[0].polylines().next().unwrap()[0];
     let now: Pixel = site.cameras[0].annotations[0].polylines().next().unwrap()[0];
@@ -67,7 +68,7 @@ fn kill_loses_nothing_older_than_the_last_finished_gesture() {
         let reader = std::thread::spawn(move || {
             let done = |line: String| line.strip_prefix("done ").and_then(|n| n.parse::<f64>().ok());
             let steps = BufReader::new(out).lines().map_while(Result::ok).filter_map(done);
-            // After the kill, nobody receives the steps.
+            // Sending fails once the main thread no longer receives; this is ignored.
             steps.inspect(|_| begun.send(()).unwrap_or_default()).last()
         });
         is_at_work.recv().unwrap();
@@ -123,7 +124,8 @@ fn unsaved_work_is_offered_until_a_decision() {
         harness.run_steps(2);
     };
     edit(start(), "first");
-    // A window opened another site without a decision about the first, and then crashed, too.
+    // The next session opens another site while the first autosave is still undecided, and also ends without
+    // saving.
     edit(start(), "second");
     let mut app = start();
     let names: Vec<_> = app.storage.found.iter().map(|(_, found)| found.site.name.clone().unwrap()).collect();

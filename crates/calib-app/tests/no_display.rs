@@ -37,6 +37,6 @@ fn window_without_a_display_is_refused_with_a_message() {
     let ended = without_display(&[]);
     let said = text(&ended.stderr);
     assert_eq!(ended.status.code(), Some(1), "{ended:?}");
-    assert!(said.contains("there is no display") && said.contains("calib solve"), "{said}");
+    assert!(said.contains("no display was found") && said.contains("calib solve"), "{said}");
     assert!(!said.contains("panicked"), "{said}");
 }

@@ -727,7 +727,7 @@ fn plan_shows_the_pixel_density_of_the_cameras() {
     let at = desk.screen(Pane::Plan, middle);
     desk.harness.hover_at(at);
     desk.harness.run_steps(3);
-    assert!(desk.words().iter().any(|word| word.contains(" px/m (") && word.contains(" by ")), "{foot:?}");
+    assert!(desk.words().iter().any(|word| word.contains(" px/m (") && word.contains(" from ")), "{foot:?}");
     desk.tell(Command::Coverage);
     assert!(!has(&desk, "recognise, from 125 px/m"));
 }

@@ -30,7 +30,9 @@ pub(crate) fn unit(text: &str) -> Result<f64, String> {
 pub(crate) fn size(text: &str) -> Result<[u32; 2], String> {
     let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_STREAM_SIDE_PX).contains(side));
     let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some([side(w)?, side(h)?]));
-    sides.ok_or_else(|| format!("expected WIDTHxHEIGHT, such as 1280x720, each at most {MAX_STREAM_SIDE_PX}"))
+    sides.ok_or_else(|| {
+        format!("expected WIDTHxHEIGHT, such as 1280x720, each side at most {MAX_STREAM_SIDE_PX} pixels")
+    })
 }
 
 /// Parses the name of a projected grid.

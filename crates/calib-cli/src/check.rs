@@ -33,7 +33,7 @@ pub(crate) struct Args {
     /// Also fail cameras whose heights above the floor are unknown while lengths on the floor are known
     #[arg(long)]
     heights: bool,
-    /// List all failed and accepted findings of each camera, with advice
+    /// List, for each camera, the findings that fail the check and the accepted findings, with advice
     #[arg(long)]
     explain: bool,
     /// Maximum distance on the floor, in metres, between the positions of one link or mark from two cameras
@@ -45,18 +45,22 @@ pub(crate) struct Args {
     format: Format,
 }
 
-/// Parses a finding code that can fail the check.
+/// Parses a finding code for `--allow`. Only codes that fail the check are accepted.
 fn code(text: &str) -> Result<Code, String> {
     let failing = || Code::ALL.iter().copied().filter(|code| code.fails_check());
     failing().find(|code| code.as_str() == text).ok_or_else(|| {
         let names: Vec<&str> = failing().map(Code::as_str).collect();
-        format!("not a finding that fails a check; expected one of {}", names.join(", "))
+        format!(
+            "this finding cannot fail a check, or its name is unknown; expected one of {}",
+            names.join(", ")
+        )
     })
 }
 
 /// Reason why a camera fails the check.
 struct Fault {
-    /// Code of the finding; absent if a number exceeds its limit.
+    /// Code of the finding; `None` if the fault is not a finding: a number over its limit, missing residuals, or a
+    /// camera that is not solved.
     code: Option<Code>,
     message: String,
     advice: String,
@@ -87,7 +91,7 @@ impl From<&Warning> for Fault {
     }
 }
 
-/// Camera with its failed and accepted findings.
+/// Camera with the faults that fail the check, and the faults that are allowed.
 struct CameraResult<'a> {
     camera: &'a SiteCamera,
     faults: Vec<Fault>,
@@ -98,7 +102,8 @@ impl<'a> CameraResult<'a> {
     fn new(site: &Site, index: usize, camera: &'a SiteCamera, args: &Args) -> Self {
         let all = faults(site, index, camera, args);
         let heights_known = camera.solution.as_ref().and_then(|solution| solution.heights_known);
-        // The focal length of a camera that looks down changes heights alone.
+        // If lengths on the floor are known but heights are not (camera looking down), the focal length affects
+        // only heights.
         let is_height = |fault: &Fault| {
             !args.heights && heights_known == Some(false) && fault.code == Some(Code::FocalUnobservable)
         };
@@ -115,7 +120,7 @@ impl<'a> CameraResult<'a> {
 pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if !(args.max_floor_error > 0.0 && args.max_floor_error <= 1.0) {
         let message = format!(
-            "--max-floor-error: found {}, expected a fraction above 0, at most 1: 0.03 is 3 %",
+            "--max-floor-error: found {}, expected a fraction above 0 and at most 1, such as 0.03 for 3 %",
             args.max_floor_error
         );
         return Err(CommandError::Usage(message));
@@ -138,11 +143,14 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     let failed = results.iter().filter(|result| !result.faults.is_empty()).count();
     match (failed, of_site.is_none_or(|faults| faults.is_empty())) {
         (0, true) => Ok(()),
-        (0, false) => Err(CommandError::Unsolved("the site fails".into())),
-        (_, true) => Err(CommandError::Unsolved(format!("{failed} of {} cameras fail", results.len()))),
-        (_, false) => {
-            Err(CommandError::Unsolved(format!("the site and {failed} of {} cameras fail", results.len())))
+        (0, false) => Err(CommandError::Unsolved("the site failed the check".into())),
+        (_, true) => {
+            Err(CommandError::Unsolved(format!("{failed} of {} cameras failed the check", results.len())))
         }
+        (_, false) => Err(CommandError::Unsolved(format!(
+            "the site and {failed} of {} cameras failed the check",
+            results.len()
+        ))),
     }
 }
 
@@ -224,7 +232,7 @@ fn site_faults(file: &SiteFile, most: f64, allow: &[Code]) -> Vec<String> {
         .collect();
     if !far.is_empty() {
         let pairs = shortened_list(far.iter().map(String::as_str));
-        faults.push(format!("distances on the floor {pairs}, allowed {} cm", centimetres(most)));
+        faults.push(format!("links more than {} cm apart on the floor: {pairs}", centimetres(most)));
     }
     let is_measured = overlaps.iter().any(|pair| pair.floor_rms_m.is_some());
     if !is_measured && file.site.cameras.len() > 1 {
@@ -238,11 +246,12 @@ fn site_faults(file: &SiteFile, most: f64, allow: &[Code]) -> Vec<String> {
     faults
 }
 
-/// Formats the checked numbers of the site.
+/// Formats the connectivity of the cameras and the largest distance between floor positions from two cameras, in
+/// parentheses.
 fn checked_site_numbers(solution: &SiteSolution) -> String {
-    let worst = worst_first(&solution.overlaps)
-        .into_iter()
-        .find_map(|pair| Some(format!("at most {} cm apart on the floor", centimetres(pair.floor_rms_m?))));
+    let worst = worst_first(&solution.overlaps).into_iter().find_map(|pair| {
+        Some(format!("links at most {} cm apart on the floor", centimetres(pair.floor_rms_m?)))
+    });
     let parts: Vec<String> = connectivity_text(solution).into_iter().chain(worst).collect();
     if parts.is_empty() { String::new() } else { format!(" ({})", parts.join("; ")) }
 }
@@ -261,9 +270,9 @@ fn faults(site: &Site, index: usize, camera: &SiteCamera, args: &Args) -> Vec<Fa
     }
 }
 
-/// Returns the failing findings of a camera.
+/// Returns the findings of a camera that fail the check, except a floor slope within `--max-floor-error`.
 fn findings(site: &Site, index: usize, args: &Args) -> Vec<Fault> {
-    // An unknown slope does not matter if its errors are accepted.
+    // The finding about an unknown floor slope is ignored if the error limit allows the error that a slope causes.
     let is_accepted = |code: Code| code == Code::FloorSlope && args.max_floor_error >= MIN_SLOPE_EFFECT_REL;
     site.failing_warnings(index)
         .iter()
@@ -272,8 +281,8 @@ fn findings(site: &Site, index: usize, args: &Args) -> Vec<Fault> {
         .collect()
 }
 
-/// Formats the checked numbers of a camera; empty without a solution. The ± of floor lengths does not contain the error
-/// of an assumed scale.
+/// Formats the stage, the uncertainty of floor lengths and the RMS residual of a camera; empty without a solution.
+/// The uncertainty does not include the error of an assumed scale.
 fn checked_numbers(site: &Site, camera: &SiteCamera) -> String {
     let Some(solution) = &camera.solution else { return String::new() };
     let [lengths, scale] = match site.scale_is_known(camera) {

@@ -164,7 +164,9 @@ fn entry_index(file: &SiteFile, id: &str, time: Option<Timestamp>) -> Result<usi
     file.has_camera(id)?;
     let time = time.map(|time| time.to_string());
     file.site.entry_index_at(id, time.as_deref()).ok_or_else(|| {
-        CommandError::Usage(format!("--camera {id}: several periods have this id; choose one with --at TIME"))
+        CommandError::Usage(format!(
+            "--camera {id}: no period of this camera applies to the image; choose one with --at TIME"
+        ))
     })
 }
 
@@ -411,7 +413,7 @@ fn recover_camera(
 ) -> Result<Result<Site, String>, CommandError> {
     let Some(seen) = of.newest() else { return Ok(Err("it has no newer image".into())) };
     let Some(since) = since.or_else(|| of.first_changed().and_then(|seen| seen.time)) else {
-        return Ok(Err("its image has no capture time; give --since TIME".into()));
+        return Ok(Err("its newer image has no capture time; give --since TIME".into()));
     };
     let entry = &file.site.cameras[of.index];
     let (old, new) = (file.camera_image(entry)?, read_newer_image(entry, &seen.path)?);

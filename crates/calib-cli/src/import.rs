@@ -82,7 +82,7 @@ fn report_merge(path: &str, added: &[String], replaced: &[String]) {
     }
     if !replaced.is_empty() {
         print_message(format_args!(
-            "replaced in {path}: lens and pose, or scale and position, of {}",
+            "replaced in {path}: {} (lens and pose of a camera; scale and position of a plan)",
             list(replaced)
         ));
     }

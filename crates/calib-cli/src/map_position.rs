@@ -9,21 +9,22 @@ use calib_site::{CoordinateSystem, MAX_BYTES, MapPosition};
 use crate::files::print_message;
 use crate::stop::CommandError;
 
-/// Largest size of a world file, or of the description of its coordinate system, in bytes.
+/// Largest size of a world file or of its `.prj` file, in bytes.
 const MAX_TEXT_BYTES: u64 = 1 << 20;
 
-/// Image of a plan, with its position on the map if the files state it.
+/// Image of a plan, with its position on the map if the image, a world file or a ground overlay contains one.
 pub(crate) struct PlanFile {
     pub(crate) path: PathBuf,
     pub(crate) bytes: Vec<u8>,
-    /// Position, and the file that states it.
+    /// Position on the map, and the name of the file that contains it (GeoTIFF or world file).
     position: Option<(ImagePosition, String)>,
-    /// Ground overlay, whose position depends on the size of the image.
+    /// Text of the KML file with the ground overlay. Its position is computed later, because it depends on the size
+    /// of the image.
     overlay: Option<String>,
 }
 
 impl PlanFile {
-    /// Reads an image, or the image of a ground overlay (KML).
+    /// Reads an image, or a KML file and the image of its ground overlay, with the position on the map.
     pub(crate) fn read(file: &str) -> Result<Self, CommandError> {
         let path = Path::new(file);
         let bytes = read(path, MAX_BYTES as u64)?;
@@ -36,7 +37,8 @@ impl PlanFile {
         if !has_ending(path, "kml") {
             let position = match ImagePosition::from_geotiff(&bytes) {
                 Some(found) => Some((found, file.to_owned())),
-                // World files of drawings have another meaning.
+                // World files are not read for drawings (PDF, DXF, SVG), because they do not refer to pixels of
+                // the rendered image.
                 None if DrawingKind::of(&bytes).is_some() => None,
                 None => neighbouring_world_file(path)?,
             };
@@ -58,8 +60,10 @@ impl PlanFile {
         // A hostile file must not name files of other folders.
         let is_inside = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
         if !Path::new(&overlay.image).components().all(is_inside) {
-            let what =
-                format!("the image {} is outside the folder of the KML file; move it there", overlay.image);
+            let what = format!(
+                "the image {} is outside the folder of the KML file; move it there, and correct its path in the KML file",
+                overlay.image
+            );
             return Err(CommandError::invalid(file, what));
         }
         let image = path.with_file_name(&overlay.image);
@@ -67,8 +71,8 @@ impl PlanFile {
         Ok(Self { path: image, bytes, position: None, overlay: Some(text) })
     }
 
-    /// Returns the position of the picture of this size, in pixels, each of which is a square of `reduction` pixels
-    /// of the file. `crs` is the grid of a file that states none.
+    /// Returns the position on the map of the plan image, which has this size in pixels after its width and height
+    /// were divided by `reduction`. `crs` is used if the files contain no coordinate system.
     pub(crate) fn position(
         &self,
         (size, reduction): ([u32; 2], u32),
@@ -105,7 +109,7 @@ impl PlanFile {
 /// Reads the world file of an image and its `.prj` file, from the folder of the image.
 fn neighbouring_world_file(image: &Path) -> Result<Option<(ImagePosition, String)>, CommandError> {
     let ending = image.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-    // Usual endings: the first and last letter of the image's ending and a w; the ending with a w; and wld.
+    // Usual extensions of world files, for example for `.jpg`: `.jgw`, `.jpgw` and `.wld`.
     let letters: Vec<char> = ending.chars().collect();
     let short = letters.first().zip(letters.last()).map(|(first, last)| format!("{first}{last}w"));
     let endings = short.into_iter().chain([format!("{ending}w"), "wld".into()]);

@@ -95,13 +95,13 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     warn_assumed_scale(&file.site, &measurement);
     let found = file.site.measure(&measurement).map_err(|error| match &error {
         MeasurementError::TooFewPoints { least, .. } => CommandError::Usage(format!(
-            "--to: this kind needs at least {least} points, including the point of --from"
+            "--to: this kind of measurement needs at least {least} points, including the point of --from"
         )),
         MeasurementError::NoDuration => {
             CommandError::Usage("a speed needs --from-at and a later --to-at".into())
         }
         MeasurementError::Camera { why: CameraViewError::Camera(_), .. } => {
-            CommandError::Usage(format!("{error} with --from-at TIME"))
+            CommandError::Usage(format!("{error} (--from-at TIME)"))
         }
         MeasurementError::Camera { .. } | MeasurementError::NotComparable { .. } => {
             CommandError::Unsolved(error.to_string())

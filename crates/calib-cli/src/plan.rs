@@ -149,7 +149,7 @@ fn read_plan(
         ("--unit", args.unit.is_some(), DrawingKind::Dxf, "DXF"),
     ] {
         if is_given && kind != Some(needed) {
-            return Err(CommandError::Usage(format!("{option}: {} is not a {format}", args.file)));
+            return Err(CommandError::Usage(format!("{option}: {} is not a {format} file", args.file)));
         }
     }
     let Some(drawing) = drawing else {
@@ -280,7 +280,7 @@ fn wall_lines(args: &Args, bytes: &[u8]) -> Result<WallLines, CommandError> {
     let invalid = |error: String| CommandError::invalid(&args.file, error);
     let drawing = calib_plan::read(bytes, &view).transpose().map_err(|error| invalid(error.to_string()))?;
     let Some(drawing) = drawing.filter(|drawing| drawing.facts.kind == DrawingKind::Dxf) else {
-        return Err(CommandError::Usage(format!("--walls: {} is not a DXF", args.file)));
+        return Err(CommandError::Usage(format!("--walls: {} is not a DXF file", args.file)));
     };
     check_layers("--walls", &args.walls, &drawing.facts, &args.file)?;
     // The pixels of a drawing do not depend on the layers that are shown.
@@ -301,7 +301,9 @@ fn check_layers(
         None => Ok(()),
         Some(unknown) => {
             let names = shortened_list(facts.layers.iter().map(|layer| layer.name.as_str()));
-            Err(CommandError::Usage(format!("{option} {unknown}: {file} has the layers {names}")))
+            Err(CommandError::Usage(format!(
+                "{option} {unknown}: no such layer; {file} has the layers {names}"
+            )))
         }
     }
 }
@@ -311,10 +313,10 @@ fn unknown_scale(read: &ReadPlan) -> String {
     match read.drawing.as_ref().map(|drawing| &drawing.facts) {
         Some(DrawingFacts { kind: DrawingKind::Pdf, scales_in_text, .. }) if !scales_in_text.is_empty() => {
             let scales: Vec<String> = scales_in_text.iter().map(|one| format!("1:{one}")).collect();
-            format!("--scale is missing: the page mentions the scales {}; choose one", scales.join(", "))
+            format!("--scale is missing: the page contains the scales {}; choose one", scales.join(", "))
         }
         Some(DrawingFacts { kind: DrawingKind::Pdf, .. }) => {
-            "--scale is missing: the page mentions no scale; give one such as 1:100".into()
+            "--scale is missing: the page contains no scale; give one such as 1:100".into()
         }
         Some(DrawingFacts { kind: DrawingKind::Dxf, .. }) => {
             "--unit is missing: the drawing states no unit of length; give one such as mm".into()

@@ -346,7 +346,7 @@ pub(crate) fn list_images(given: &[PathBuf]) -> Result<Vec<PathBuf>, CommandErro
             let endings: Vec<String> = image_endings().map(|ending| format!(".{ending}")).collect();
             return Err(CommandError::invalid(
                 path.display(),
-                format!("this folder contains no images ({})", endings.join(", ")),
+                format!("this folder contains no supported images ({})", endings.join(", ")),
             ));
         }
         report_skipped(path, others);

@@ -132,7 +132,9 @@ fn read_list(path: &Path) -> Result<Vec<ListedCamera>, CommandError> {
         // Neither the line nor the message is printed, because they may contain a password.
         let start = error.span().map_or(0, |span| span.start);
         let line = 1 + text.bytes().take(start).filter(|&byte| byte == b'\n').count();
-        invalid(format!("line {line}: expected [[cameras]], each with id, address and maybe credentials"))
+        invalid(format!(
+            "line {line}: expected [[cameras]], each with id, address and, optionally, credentials"
+        ))
     })?;
     let mut ids = HashSet::new();
     for camera in &list.cameras {

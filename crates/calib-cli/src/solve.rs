@@ -372,7 +372,7 @@ fn write_remarks(out: &mut String, camera: &SiteCamera, solution: &Solution, fin
     let _ = writeln!(out, "\n{}", camera.id);
     if let Some((rms, worst, count)) = worst {
         let points = calib_site::counted(count, "control point", "control points");
-        let _ = writeln!(out, "  {points}: RMS {rms:.2} px, largest {worst:.2} px");
+        let _ = writeln!(out, "  {points}: RMS residual {rms:.2} px, largest {worst:.2} px");
     }
     for warning in &solution.warnings {
         let _ = writeln!(out, "  {}: {}\n    {}", warning.code, warning.message, warning.advice);

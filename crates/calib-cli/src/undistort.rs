@@ -84,6 +84,9 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     }
     let centre = map.principal_point();
     let focal = focal.map_or_else(|| "unknown".into(), |focal| format!("{:.2} px", map.focal(focal)));
-    files::print_message(format_args!("focal {focal}, principal point {:.2}, {:.2}", centre.u, centre.v));
+    files::print_message(format_args!(
+        "focal length {focal}, principal point {:.2}, {:.2}",
+        centre.u, centre.v
+    ));
     Ok(())
 }

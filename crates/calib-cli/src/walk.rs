@@ -40,7 +40,7 @@ pub(crate) fn require_walk(arg: clap::Arg) -> clap::Arg {
     if arg.get_help_heading() == Some(HEADING) && arg.get_id() != "walk" { arg.requires("walk") } else { arg }
 }
 
-/// Arguments for a walk in a report.
+/// Arguments of `calib report` for the walk test.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = HEADING)]
 pub(crate) struct WalkArgs {
@@ -54,7 +54,7 @@ pub(crate) struct WalkArgs {
 }
 
 impl WalkArgs {
-    /// Tests the walk, if one was given.
+    /// Runs the walk test on the table of `--walk`; `None` without this option.
     pub(crate) fn test(&self, file: &SiteFile) -> Result<Option<WalkTest>, CommandError> {
         self.limits.check()?;
         let of = |table: &String| test_walk(file, self.table.open(table, file)?, &self.limits);
@@ -153,8 +153,8 @@ impl WalkTest {
 
 /// Refuses a table of several people, because detections of two cameras could then be of different people.
 fn check_single_person(names: &[String], result: &WalkResult) -> Result<(), CommandError> {
-    /// Maximum fraction of a camera's detections with a second person at the same time; fewer may be
-    /// duplicate boxes.
+    /// Maximum fraction of a camera's detections at times with several boxes. A smaller fraction may be duplicate
+    /// boxes of one person.
     const MAX_CROWDED_FRACTION: f64 = 0.02;
     let is_crowd = |&camera: &usize| {
         result.crowded_moments[camera] as f64 > MAX_CROWDED_FRACTION * result.seen[camera] as f64
@@ -162,7 +162,7 @@ fn check_single_person(names: &[String], result: &WalkResult) -> Result<(), Comm
     };
     let Some(camera) = (0..names.len()).find(is_crowd) else { return Ok(()) };
     Err(CommandError::Invalid(format!(
-        "{} detected several people at once, {} times; keep only the rows of the person who walked",
+        "camera \"{}\" detected several people at once, {} times; keep only the rows of the person who walked",
         names[camera], result.crowded_moments[camera]
     )))
 }

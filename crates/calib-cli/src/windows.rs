@@ -141,9 +141,9 @@ pub(crate) fn run(
     };
     let (width, height) = image.dimensions();
     let reach = lens_reach(&lens, focal, [f64::from(width), f64::from(height)]);
-    let windows = args
-        .windows(mount, reach)
-        .ok_or_else(|| CommandError::Usage("the size of a view is invalid".into()))?;
+    let windows = args.windows(mount, reach).ok_or_else(|| {
+        CommandError::Usage("this lens does not allow a panorama; use --look or --quadrants".into())
+    })?;
     if windows.len() > 1 && output.is_stdout() {
         return Err(CommandError::Usage("several views cannot go to stdout: give -o FILE".into()));
     }
@@ -208,7 +208,7 @@ impl View<'_> {
             output.write_to(&companion_path(file, "remap.npy"), &npy)?;
         }
         let Pixel { u, v } = self.window.principal_point;
-        let kind = if self.window.is_round { "pixels per radian" } else { "focal" };
+        let kind = if self.window.is_round { "focal length (cylindrical)" } else { "focal length" };
         files::print_message(format_args!(
             "{file}: {kind} {:.2} px, principal point {u:.2}, {v:.2}",
             self.window.focal

@@ -74,7 +74,7 @@ const MIME_TYPES: [(&str, &str, &[u8]); 10] = [
 pub struct AllowedFiles {
     /// Folder of the site; `None` if the site has no file yet.
     pub folder: Option<PathBuf>,
-    /// Allowed files elsewhere, as canonical paths.
+    /// Files outside the folder that the operator allowed, as canonical paths.
     pub allowed: BTreeSet<PathBuf>,
 }
 
@@ -94,7 +94,7 @@ impl AllowedFiles {
 
 /// Base64 encoding of `data:` URIs.
 const BASE64: base64::engine::GeneralPurpose = base64::engine::general_purpose::STANDARD;
-/// Prefix of the ids of stored images in an open site.
+/// Prefix of the ids of images that are kept in memory.
 const STORED_PREFIX: &str = "stored:";
 
 /// Result of a file operation; the error is a message for the operator.
@@ -120,7 +120,7 @@ pub struct Images {
     rendered_images: Arc<Mutex<BTreeMap<String, Arc<[u8]>>>>,
 }
 
-/// Stored image.
+/// Image whose encoded bytes are kept in memory, for example from a `data:` URI.
 #[derive(Clone, Debug)]
 struct Stored {
     bytes: Arc<[u8]>,
@@ -241,7 +241,7 @@ impl Images {
         relative(&from, folder)
     }
 
-    /// Returns the path of an image name relative to the folder of the site.
+    /// Joins the folder of the site and an image name.
     fn path(&self, name: &str) -> PathBuf {
         self.folder.as_ref().map_or_else(|| PathBuf::from(name), |folder| folder.join(name))
     }
@@ -273,7 +273,7 @@ impl Images {
     }
 }
 
-/// Source of one image.
+/// Source of the bytes of one image: memory, file or renderer. It can be sent to another thread.
 #[derive(Clone, Debug)]
 pub struct Source {
     stored: Option<Arc<[u8]>>,
@@ -355,7 +355,7 @@ fn mime_of(bytes: &[u8]) -> &'static str {
     known.map_or("image/png", |(_, mime, _)| *mime)
 }
 
-/// Converts an image that browsers do not show to JPEG. Other images are returned unchanged.
+/// Converts an image to JPEG if browsers do not support its format; otherwise returns it unchanged.
 fn shown_by_browsers(bytes: Arc<[u8]>) -> FileResult<Arc<[u8]>> {
     if mime_of(&bytes) != "image/tiff" {
         return Ok(bytes);
@@ -388,8 +388,8 @@ pub fn parse(text: &str, folder: Option<PathBuf>) -> FileResult<(Site, Images)> 
     parse_with_drawing(text, folder, |_| None)
 }
 
-/// Parses the text of a site file as [`parse`] does. `metres_per_px` returns the scale of the plan's drawing if the
-/// file has none.
+/// Parses the text of a site file as [`parse`] does. If the plan in the site file has no scale, `metres_per_px` is
+/// called with the plan and returns its scale from the drawing, or `None`.
 ///
 /// # Errors
 /// The text is not a valid site; the message names the field.

@@ -64,7 +64,7 @@ fn contradiction(session: &Session, camera: usize) -> Option<CameraStatus> {
         // The misfit may not come from the lines alone, but from straight edges or from points of other
         // cameras.
         (None, Some(chi2), Some(dof)) if chi2 > 2.0 * dof as f64 => {
-            format!("lines contradict each other: \u{3c7}\u{b2} {chi2:.0} for {dof} dof")
+            format!("lines contradict each other: \u{3c7}\u{b2} {chi2:.0} for {dof} degrees of freedom")
         }
         _ => first_sentence(session, camera, misfit),
     };

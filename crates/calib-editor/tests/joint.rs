@@ -1,4 +1,5 @@
-//! Joint results are kept until an input changes. Then they are solved again, or marked as out of date.
+//! Tests of the results of the joint solve: they are kept until an input changes, then recomputed or marked as out
+//! of date.
 #![allow(clippy::unwrap_used, reason = "a failed step fails the test")]
 
 use calib_core::Pixel;
@@ -7,11 +8,12 @@ use calib_editor::command::{Cameras, Gesture};
 use calib_editor::{Action, Editor, Images, NewImage, Opened, parse, refined};
 use calib_site::{Mark, Site, Stage};
 
-/// Stages after refining: one camera of the demonstration shares nothing with the others.
+/// Expected stage of each camera of the demonstration after the joint solve. The fourth camera stays `Placed`,
+/// because it has no landmark in common with the others.
 const TOGETHER: [Stage; 6] =
     [Stage::Refined, Stage::Refined, Stage::Refined, Stage::Placed, Stage::Refined, Stage::Refined];
 
-/// Returns the demonstration after a joint solve.
+/// Returns an editor with the demonstration site after a joint solve.
 fn together() -> Editor {
     let mut editor = Editor::default();
     open(&mut editor, calib_demo::demo_site().site);
@@ -137,7 +139,7 @@ fn joint_result_is_out_of_date_after_removing_a_camera() {
 fn undo_of_refining_leaves_no_result_out_of_date() {
     let mut editor = Editor::default();
     let mut site = calib_demo::demo_site().site;
-    // A fixed camera keeps its position, refined or not.
+    // Camera 1 has a fixed placement, so its stage must not mark a result as out of date.
     site.cameras[1].placement.as_mut().unwrap().fixed = true;
     open(&mut editor, site);
     let (before, alone) = (editor.site().clone(), stages(&editor));
@@ -153,7 +155,7 @@ fn undo_of_refining_leaves_no_result_out_of_date() {
     assert_eq!(stages(&editor), alone);
     editor.apply(Action::Gesture(Gesture::Redo));
     assert!(editor.session().solved.is_joint_current());
-    // A result that was out of date is out of date again after undo.
+    // Undo restores the state of the result: out of date after one step, current after two.
     editor.apply(Action::SetMaxJointSolveMs(-1.0));
     change(&mut editor, move_a_line);
     change(&mut editor, |site| site.name = Some("Shop".into()));

@@ -70,13 +70,13 @@ impl Height {
         (share < 1.0).then_some(Self { log, features, weight })
     }
 
-    /// Whether the height is close to the median of the camera.
+    /// Whether the height is close to the median height of the people at this camera (weight above 0.3).
     pub(crate) fn is_usual(&self) -> bool {
         self.weight > 0.3
     }
 }
 
-/// Track of a person in view: its last row, and the weighted sums over its rows.
+/// Track of one person: the last row, and the weighted sums of all rows for the normal equations.
 ///
 /// The symbols of the sums are in the documentation of this file.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -95,15 +95,15 @@ struct Track {
     middle: f64,
     /// Number of rows with a height.
     count: f64,
-    /// Sum of `w`.
+    /// Sum of the robust weights: `sum w`.
     weight: f64,
-    /// Sum of `w y`.
+    /// Weighted sum of the log heights: `sum w y`.
     y: f64,
-    /// Sum of `w f`.
+    /// Weighted sum of the features: `sum w f`.
     f: [f64; FEATURES],
-    /// Sum of `w f y`.
+    /// Weighted sum of the features times the log height: `sum w f y`.
     fy: [f64; FEATURES],
-    /// Sum of `w f f'`, upper triangle row by row.
+    /// Weighted sum of the outer products of the features, `sum w f f'`: upper triangle, row by row.
     ff: [f64; PACKED],
 }
 
@@ -163,7 +163,7 @@ impl Track {
         let ratio = row.tall / self.tall;
         let away = (row.foot[0] - self.foot[0]).hypot(row.foot[1] - self.foot[1]) / tall;
         let is_near = away < MAX_JUMP + MAX_SPEED * elapsed.abs() && (0.6..1.7).contains(&ratio);
-        // Two boxes of the same time are two people.
+        // Two boxes at the same time belong to different people.
         (elapsed != 0.0 && is_near).then_some(away)
     }
 
@@ -175,7 +175,8 @@ impl Track {
         since_last.abs() > gone || since_first > MAX_TRACK_S
     }
 
-    /// Returns the normal equations of the track; `None` if no row has the height of an adult.
+    /// Returns the normal equations of the height coefficients `b` from all rows of the track; `None` if no row is
+    /// a detection of an adult.
     fn heights(&self) -> Option<Heights> {
         if self.weight == 0.0 {
             return None;

@@ -11,7 +11,7 @@ pub enum MapSystem {
     Projected(u16),
     /// Longitude and latitude, in degrees.
     Degrees,
-    /// The file does not state it.
+    /// Coordinate system that the file does not contain.
     Unknown,
 }
 
@@ -27,7 +27,8 @@ pub struct ImagePosition {
 }
 
 impl ImagePosition {
-    /// Returns the position for which the map gives the coordinates of pixel centres, from a map of pixel indices.
+    /// Creates a position from a transform that maps pixel indices to the coordinates of the pixel centres. The
+    /// result is measured from the corner of the image.
     fn from_centres(mut transform: [[f64; 3]; 2], system: MapSystem) -> Self {
         for [a, b, start] in &mut transform {
             *start -= 0.5 * (*a + *b);
@@ -35,7 +36,8 @@ impl ImagePosition {
         Self { transform, system }
     }
 
-    /// Returns the position of the image with every side divided by `by`, as large images are shown.
+    /// Returns the position of a copy of the image whose width and height are divided by `by`. The app reduces
+    /// large images in this way.
     #[must_use]
     pub fn reduced(mut self, by: u32) -> Self {
         for row in &mut self.transform {
@@ -61,7 +63,7 @@ impl ImagePosition {
     pub fn from_geotiff(bytes: &[u8]) -> Option<Self> {
         use tiff::decoder::Decoder;
         use tiff::tags::Tag;
-        /// Largest length of a list in a tag.
+        /// Maximum number of values in a tag.
         const MAX_VALUES: usize = 4096;
         if !bytes.starts_with(b"II") && !bytes.starts_with(b"MM") {
             return None;
@@ -93,7 +95,7 @@ impl ImagePosition {
             (Some(2), _) => MapSystem::Degrees,
             _ => MapSystem::Unknown,
         };
-        // In images of points, the coordinates belong to pixel centres.
+        // With the raster type `PixelIsPoint`, the coordinates are those of the pixel centres.
         Some(if key(1025) == Some(2) {
             Self::from_centres(transform, system)
         } else {
@@ -101,7 +103,7 @@ impl ImagePosition {
         })
     }
 
-    /// Reads the tags of a `GeoTIFF`; `None` here, where TIFF images are not read.
+    /// Returns `None`, because this build does not support TIFF images (feature `raster`).
     #[cfg(not(feature = "raster"))]
     #[must_use]
     pub const fn from_geotiff(_: &[u8]) -> Option<Self> {
@@ -116,7 +118,8 @@ impl ImagePosition {
         let [north, south, east, west] = overlay.edges;
         let (cx, cy) = (0.5 * (east + west), 0.5 * (north + south));
         let shrink = cy.to_radians().cos();
-        // Steps of a pixel, with longitudes as long as latitudes, turned counter-clockwise about the centre.
+        // Size of a pixel in degrees of latitude, scaled so that east and north have equal length, then rotated
+        // counter-clockwise about the centre.
         let (sin, cos) = overlay.rotation_deg.to_radians().sin_cos();
         let (dx, dy) = ((east - west) / width * shrink, (north - south) / height);
         let lon = [cos * dx / shrink, sin * dy / shrink];
@@ -164,7 +167,8 @@ fn element<'a>(text: &'a str, name: &str) -> Option<&'a str> {
     inner.find(&format!("</{name}>")).map(|end| &inner[..end])
 }
 
-/// Returns the coordinate system of a `.prj` file (well-known text): by its EPSG code, or a zone of UTM by its name.
+/// Detects the coordinate system of a `.prj` file (well-known text), from its EPSG code or from the name of a UTM
+/// zone.
 #[must_use]
 pub fn system_of_wkt(text: &str) -> MapSystem {
     let text = text.trim();
@@ -175,7 +179,7 @@ pub fn system_of_wkt(text: &str) -> MapSystem {
     if !is_projected {
         return MapSystem::Unknown;
     }
-    // The code of the whole system is the last one.
+    // The EPSG code of the projected system is the last one in the text; earlier codes belong to its parts.
     let code = text.rfind("\"EPSG\",").and_then(|at| {
         let rest = text[at + 7..].trim_start().trim_start_matches('"');
         let is_last =
@@ -186,7 +190,7 @@ pub fn system_of_wkt(text: &str) -> MapSystem {
     code.or_else(|| utm_code(text)).map_or(MapSystem::Unknown, MapSystem::Projected)
 }
 
-/// Returns the EPSG code of a zone of UTM by the name that ESRI writes, such as `WGS_1984_UTM_Zone_32N`.
+/// Converts an ESRI name of a UTM zone, such as `WGS_1984_UTM_Zone_32N`, to its EPSG code; `None` for other names.
 fn utm_code(text: &str) -> Option<u16> {
     let name = text.split('"').nth(1)?.to_uppercase().replace(' ', "_");
     let (datum, zone) = name.split_once("_UTM_ZONE_")?;

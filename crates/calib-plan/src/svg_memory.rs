@@ -1,9 +1,9 @@
 //! Memory that rasterising an SVG needs, computed before it is rasterised.
 //!
-//! A group with opacity, blend mode, clip, mask or filter is painted on its own layer. The layer is as large
-//! as the group, up to five times the image in each direction. Its clip and its mask need more layers of that
-//! size, and every filter step keeps its result. A pattern needs a tile of any size, and a nested drawing a
-//! layer as large as its canvas. Memory that exists at the same time is summed along each branch; the largest
+//! A group with opacity, blend mode, clip, mask or filter is painted on its own layer. The layer is as large as the
+//! group, up to five times the image in each direction. Its clip and its mask need more layers of that size, and
+//! every filter step keeps its result. A pattern needs a tile, whose size has no limit. A nested drawing needs a
+//! layer as large as the canvas. Memory that exists at the same time is summed along each branch; the largest
 //! branch counts.
 
 use resvg::usvg::filter::{Filter, Kind};
@@ -11,7 +11,8 @@ use resvg::usvg::{ClipPath, Group, ImageKind, Mask, Node, Paint, Path, Pattern, 
 
 /// Largest number of visited nodes; patterns that contain each other would otherwise never end.
 const MAX_NODES: usize = 2_000_000;
-/// Number of nodes for which a node in a pattern counts: it is drawn again for every use of the pattern.
+/// Weight of a node inside a pattern in the count of visited nodes. Such nodes are painted again for every use of
+/// the pattern.
 const PATTERN_NODE_COST: usize = 10;
 /// Largest side of a layer divided by that of the image.
 const MAX_LAYER_RATIO: f64 = 5.0;
@@ -22,7 +23,8 @@ const STENCIL_LAYERS: f64 = 1.5;
 /// Bytes of an RGBA pixel.
 const BYTES_PER_PIXEL: f64 = 4.0;
 
-/// Returns the memory for rasterising a drawing at this size, in bytes; `None` if it is unbounded.
+/// Returns the memory needed to rasterise an SVG at this size, in bytes; `None` if it has more nodes than
+/// [`MAX_NODES`].
 pub(super) fn bytes_to_draw(tree: &Tree, zoom: Transform, size: [u32; 2]) -> Option<f64> {
     let size = size.map(f64::from);
     let mut walk = Walk { nodes: 0, cost: 1 };
@@ -67,12 +69,12 @@ impl Place {
     }
 }
 
-/// Traversal of an SVG tree. The methods return the pixels that exist at the same time, or `None` beyond the
-/// node limit.
+/// Traversal of an SVG tree. Each method returns the largest number of layer pixels that exist at the same time, or
+/// `None` beyond [`MAX_NODES`].
 struct Walk {
     /// Number of visited nodes.
     nodes: usize,
-    /// Number of nodes for which a node counts.
+    /// Weight of the current nodes in `nodes`: 1, or [`PATTERN_NODE_COST`] inside a pattern.
     cost: usize,
 }
 
@@ -145,8 +147,9 @@ impl Walk {
         Some(STENCIL_LAYERS * area(place.canvas) + inner.max(next))
     }
 
-    /// Returns the pixels for the contents of a clip; groups in it with clips of their own need layers of the
-    /// same size.
+    /// Returns the largest number of layer pixels that exist at the same time while the contents of a clip path are
+    /// painted; `None` beyond the node limit. A group with its own clip path needs another layer of the canvas
+    /// size.
     fn clip_contents(&mut self, group: &Group, place: Place) -> Option<f64> {
         let mut most = 0.0_f64;
         for node in group.children() {
@@ -178,7 +181,8 @@ impl Walk {
         Some(most)
     }
 
-    /// Returns the pixels for the tile of a pattern.
+    /// Returns the number of pixels for the tile of a pattern and the layers of its contents; `None` beyond the
+    /// node limit.
     fn pattern(&mut self, pattern: &Pattern, place: Place) -> Option<f64> {
         let (x, y) = place.transformed(pattern.transform()).to_pixels.get_scale();
         let rect = pattern.rect();

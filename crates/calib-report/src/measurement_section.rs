@@ -73,7 +73,9 @@ pub fn speed_remark(measurement: &Measurement, found: Measured, units: Units) ->
     Some(match high {
         Some(high) => {
             let limits = format!("{low} to {} {unit}", text(high));
-            format!("The times are whole seconds. This alone allows {limits}; the \u{b1} is additional.")
+            format!(
+                "The times are whole seconds. This alone allows speeds of {limits}; the \u{b1} is additional."
+            )
         }
         None => format!(
             "The times are whole seconds. This alone allows any speed above {low} {unit}; the \u{b1} is \

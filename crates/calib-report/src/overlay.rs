@@ -194,7 +194,8 @@ fn summary(site: &Site, entry: &SiteCamera) -> String {
     let roll = if is_down { String::new() } else { format!(" \u{b7} roll {roll:.1}\u{b0}") };
     let mut text = format!(" \u{b7} pitch {pitch:.1}\u{b0}{roll} \u{b7} field of view {hfov:.0}\u{b0}");
     let is_assumed = !site.scale_is_known(entry);
-    let [assumed, floor] = if is_assumed { ["assumed ", "ratio of floor lengths"] } else { ["", "floor"] };
+    let [assumed, floor] =
+        if is_assumed { ["assumed ", "ratio of floor lengths"] } else { ["", "floor lengths"] };
     if let Some(position) = solution.position_m {
         text.push_str(&format!(" \u{b7} {assumed}height {}", site.units.length(position.z, 2)));
     }

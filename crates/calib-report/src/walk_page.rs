@@ -44,7 +44,7 @@ pub fn disagreement_text(one: &Disagreement) -> String {
     let [x, y] = one.shift;
     let toward = |value: f64, axis: &str| {
         let sign = if value < 0.0 { '\u{2212}' } else { '+' };
-        format!("{} cm towards {sign}{axis}", centimetres(value.abs()))
+        format!("{} cm too far towards {sign}{axis}", centimetres(value.abs()))
     };
     let [_, _, z, yaw, pitch, roll, _] = one.errors;
     let turn = [("yaw", yaw), ("pitch", pitch), ("roll", roll)];

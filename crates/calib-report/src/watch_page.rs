@@ -103,7 +103,7 @@ fn detectable_text(health: &CameraHealth) -> String {
     let pan = if pan.is_finite() && pan < 0.5 {
         format!("pan {:.1}\u{b0}, ", pan.to_degrees())
     } else {
-        "pan undetectable (no other camera sees the same people), ".into()
+        "pan undetectable (too few people also seen by another camera), ".into()
     };
     if !(tilt.is_finite() && zoom.is_finite()) {
         return "no movement is detectable".into();

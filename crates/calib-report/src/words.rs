@@ -51,7 +51,7 @@ pub fn distance(metres: f64) -> String {
 #[must_use]
 pub fn scene_errors_text(errors: &SceneErrors) -> String {
     if *errors == SceneErrors::EXACT {
-        return "The scene is assumed to match the annotations exactly".into();
+        return "The scene is assumed to be exact: level floor, exact right angles, equal lengths".into();
     }
     let SceneErrors { floor_tilt, crossfall, angle, length } = errors;
     let across = match crossfall.to_degrees() {

@@ -97,7 +97,7 @@ const fn reason(status: Status) -> &'static str {
             "shows a point outside the camera's field of view (EFOV); draw a larger EFOV to measure there"
         }
         Status::OutsideImage => "is outside the image",
-        Status::OutsideLens => "is outside the lens",
+        Status::OutsideLens => "is beyond the view of the lens",
         _ => "cannot be measured",
     }
 }

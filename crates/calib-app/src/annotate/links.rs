@@ -292,7 +292,7 @@ fn joint_residual(app: &App, ui: &mut Ui, link: usize, camera: &str) {
         if drawn.is_empty() { residual_text.to_owned() } else { format!("{residual_text}. {drawn}") };
     let view = site.cameras.iter().position(|entry| entry.id == camera);
     if view.is_some_and(|view| app.editor.session().solved.is_link_unchecked(site, link, view)) {
-        said += ". A wrong click here cannot be detected. Link one more point that this camera shows.";
+        said += ". A wrong click here cannot be detected. Link one more point that this camera sees.";
     }
     ui.label(RichText::new(format!("{:.1}", residual.px)).small().color(colour)).on_hover_text(said);
 }
@@ -375,7 +375,7 @@ pub(crate) fn far_apart(app: &mut App, ui: &mut Ui) {
     }
     let palette = theme::palette(ui.ctx());
     let all = counted(all, "link", "links");
-    let text = format!("{far} of {all} disagree by more than 3 \u{3c3}");
+    let text = format!("Disagreement above 3 \u{3c3}: {far} of {all}");
     let shows = ui.horizontal(|ui| {
         ui.label(RichText::new(text).color(if far > 0 { palette.bad } else { palette.text2 }));
         far > 0 && ui.button("Show").clicked()

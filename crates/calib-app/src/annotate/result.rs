@@ -183,7 +183,7 @@ fn scale_menu(ui: &mut Ui) -> Option<usize> {
     let mut chosen = None;
     ui.menu_button("Draw a person, a door or a known length\u{2026}", |ui| {
         let rows = [
-            ("Person or door, from foot to top", Kind::Upright),
+            ("Person or door, from bottom to top", Kind::Upright),
             ("Known length on the floor", Kind::KnownLength),
         ];
         for (text, kind) in rows {
@@ -195,7 +195,7 @@ fn scale_menu(ui: &mut Ui) -> Option<usize> {
     })
     .response
     .on_hover_text(
-        "Nothing determines the scale yet. Every length in the image is a multiple of the camera height.",
+        "The scale is not determined yet. Lengths are known only as multiples of the camera height.",
     );
     chosen
 }

@@ -58,7 +58,7 @@ pub(crate) fn slide(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, (w
     app.view.panes.wipe = strip.map(|strip| ((Place::Main, Pane::Image(camera)), strip));
     let Some(strip) = strip else { return };
     let response = ui.interact(strip, ui.scope_id().with("wipe"), Sense::drag());
-    response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, "The line between the images"));
+    response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, "Divider between the images"));
     if let Some(to) = response.interact_pointer_pos() {
         let [u, _] = mapping.document(to);
         app.view.glance.share = (u / width).clamp(0.0, 1.0) as f32;

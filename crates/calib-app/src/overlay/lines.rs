@@ -139,7 +139,7 @@ impl Overlay<'_> {
         };
         let name = line_name(&entry.annotations, drawn.annotation, drawn.segment);
         let (text, colour) = match drawn.residual_px.map(f64::abs) {
-            Some(px) if drawn.is_outlier => (format!("{name} rejected {px:.1} px"), on_image::BAD),
+            Some(px) if drawn.is_outlier => (format!("{name} rejected, {px:.1} px"), on_image::BAD),
             Some(px) => (format!("{name} {px:.1} px"), on_image::WHITE),
             None => (name, on_image::WHITE),
         };

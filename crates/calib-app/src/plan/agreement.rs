@@ -42,7 +42,7 @@ pub fn agreement_ui(app: &mut App, ui: &mut Ui) {
     if let Some(worst) = all.iter().filter(is_far).max_by(|a, b| metres(a).total_cmp(&metres(b))) {
         disagreement_ui(app, ui, worst);
     } else if all.iter().all(|found| found.distance.is_none()) {
-        let text = "Press K and click a corner in two views to measure their agreement.";
+        let text = "Press K and click the same corner in two views to measure their agreement.";
         ui.label(RichText::new(text).small().color(theme::palette(ui.ctx()).text3));
     }
 }
@@ -102,7 +102,9 @@ fn lines_row(app: &App, ui: &mut Ui, px: f64, count: usize) {
     let text = format!("{px:.1} px");
     let of = counted(count, "floor line", "floor lines");
     response.widget_info(|| WidgetInfo::labeled(Role::Label, true, format!("{of} {text} off")));
-    response.on_hover_text("RMS distance in this image from the positions that other cameras determine");
+    response.on_hover_text(
+        "RMS distance, in this image, of the lines from their positions according to the other cameras",
+    );
     let sigma = app.editor.session().entry().and_then(|entry| entry.sigma_px).unwrap_or(1.0);
     let colour = theme::residual(palette, px / sigma);
     for (at, align, text, colour) in [

@@ -160,7 +160,7 @@ pub(crate) fn legend_ui(app: &mut App, ui: &mut Ui, rect: Rect) -> Option<Rect> 
                 });
             }
             for (ids, why) in
-                [(&found.left_out, "not included, because not placed"), (&found.assumed, "assumed scale")]
+                [(&found.left_out, "not placed, so not included"), (&found.assumed, "assumed scale")]
             {
                 if !ids.is_empty() {
                     let text = format!("{}: {why}", ids.join(", "));
@@ -210,6 +210,6 @@ fn target_ui(app: &mut App, ui: &mut Ui) {
             })
             .response
             .labelled_by(label.id)
-            .on_hover_text("Height of the targets above the floor. The levels follow EN 62676-4");
+            .on_hover_text("Height of the targets above the floor. The levels follow EN 62676-4.");
     });
 }

@@ -27,7 +27,7 @@ pub(crate) fn compared(app: &mut App, ui: &mut Ui) {
                 let moved = app.editor.session().site.units.short_length(old.position.distance(new.position));
                 format!("{moved}, {turned:.2}\u{b0}")
             }
-            (None, _) => "missing or not solved there".into(),
+            (None, _) => "missing or not solved in the saved version".into(),
             (_, None) => "not solved now".into(),
         };
         ui.horizontal(|ui| {

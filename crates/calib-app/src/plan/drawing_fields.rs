@@ -136,7 +136,7 @@ pub(crate) fn walls_menu(app: &mut App, ui: &mut Ui) {
         return;
     }
     let mut chosen = None;
-    let menu = ui.menu_button("Walls from a layer", |ui| {
+    let menu = ui.menu_button("Add walls from a layer", |ui| {
         for layer in layers {
             let lines = counted(layer.lines_px.len(), "line", "lines");
             if ui.button(format!("{} ({lines})", layer.name)).clicked() {

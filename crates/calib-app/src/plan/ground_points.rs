@@ -24,7 +24,7 @@ pub(crate) fn ground_points_ui(app: &mut App, ui: &mut Ui) {
         point_row(app, ui, point, georeference.as_ref());
     }
     if points.len() > MAX_ROWS {
-        let text = format!("Further points, not listed: {}.", points.len() - MAX_ROWS);
+        let text = format!("Points not listed: {}.", points.len() - MAX_ROWS);
         ui.label(RichText::new(text).small().color(theme::palette(ui.ctx()).text3));
     }
     new_point(app, ui);

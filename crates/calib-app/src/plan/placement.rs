@@ -290,11 +290,11 @@ fn scale_fields(app: &mut App, ui: &mut Ui) {
             }
         });
     } else {
-        let text = "Press A, click two points and enter their distance.";
+        let text = "Press A, click two points and enter the distance between them.";
         ui.label(RichText::new(text).small().color(palette.text3));
     }
     ui.horizontal(|ui| {
-        let label = ui.label(RichText::new("Angle of x axis").color(palette.text2));
+        let label = ui.label(RichText::new("Angle of the x axis").color(palette.text2));
         let field = DragValue::new(&mut plan.x_axis_deg)
             .speed(0.1)
             .range(-360.0..=360.0)

@@ -18,7 +18,11 @@ pub(crate) fn planes_ui(app: &mut App, ui: &mut Ui) {
     for index in 0..app.editor.site().planes.len() {
         row(app, ui, index);
     }
-    if ui.button("Add a plane").on_hover_text("Such as a ramp, a platform or another carriageway").clicked() {
+    if ui
+        .button("Add a plane")
+        .on_hover_text("For example, a ramp, a platform or another carriageway")
+        .clicked()
+    {
         app.send(Action::Planes(PlaneAction::Add));
     }
 }

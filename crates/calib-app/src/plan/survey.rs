@@ -87,7 +87,7 @@ pub(crate) fn hand_overs_ui(app: &mut App, ui: &mut Ui) {
 /// Shows the limits of the levels. A change is sent when the operator has entered a number.
 fn limits_ui(app: &mut App, ui: &mut Ui) {
     let limits = app.editor.site().level_limits();
-    egui::CollapsingHeader::new("Limits of the levels").id_salt("limits of the levels").show(ui, |ui| {
+    egui::CollapsingHeader::new("Pixel density limits").id_salt("pixel density limits").show(ui, |ui| {
         let palette = theme::palette(ui.ctx());
         let mut changed = None;
         for (index, level) in DensityLevel::ALL.into_iter().enumerate() {

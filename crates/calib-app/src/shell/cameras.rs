@@ -49,7 +49,7 @@ pub(crate) fn cameras_ui(app: &mut App, ui: &mut Ui, rail: bool) {
             let palette = theme::palette(ui.ctx());
             ui.add_space(8.0);
             ui.vertical_centered(|ui| {
-                ui.label(RichText::new("Drop images here to add").small().color(palette.text3));
+                ui.label(RichText::new("Drop images here to add them").small().color(palette.text3));
             });
         }
     });

@@ -62,7 +62,9 @@ fn proposal_hint(app: &App) -> Option<String> {
         None if proposed.confidence == Confidence::None => "Press Esc to discard the detected lines.".into(),
         None => {
             let lines = counted(proposed.count(), "line", "lines");
-            format!("{lines} detected. Press Enter to accept all, Esc to discard all, or click one.")
+            format!(
+                "{lines} detected. Press Enter to accept all, Esc to discard all, or click one to select it."
+            )
         }
     })
 }
@@ -193,7 +195,7 @@ fn floor(app: &App, ui: &mut Ui, (camera, pose): (usize, &calib_core::Camera), a
     let Some(SurfacePoint { surface, at: point }) = pose.pixel_to_surface(at, 0.0, &surfaces) else {
         let is_wall = pose.pixel_to_floor(at, 0.0).is_some();
         let place = if is_wall { "on the wall of a pit" } else { "above the horizon" };
-        ui.label(RichText::new(format!("no position {place}")).color(palette.text2));
+        ui.label(RichText::new(format!("no position: {place}")).color(palette.text2));
         return;
     };
     let covariance = SurfaceProjector::new(pose, 0.0, &surfaces).covariance(at, 1.0, surface);

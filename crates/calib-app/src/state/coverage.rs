@@ -316,6 +316,6 @@ impl ShownCoverage {
             1 => String::new(),
             count => format!(", seen by {count} cameras"),
         };
-        Some(format!("{density:.0} px/m ({level}) by {camera}{more}"))
+        Some(format!("{density:.0} px/m ({level}) from {camera}{more}"))
     }
 }

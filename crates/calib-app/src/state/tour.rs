@@ -196,5 +196,7 @@ fn field(session: &Session) -> Option<String> {
     };
     let pose = session.pose()?;
     let is_sky = corners.iter().any(|&corner| pose.pixel_to_floor(corner, 0.0).is_none());
-    is_sky.then(|| "A corner is above the floor. Undo (Ctrl+Z), and click floor points only.".into())
+    is_sky.then(|| {
+        "A corner is above the horizon. Press Ctrl+Z to undo, then click only points on the floor.".into()
+    })
 }

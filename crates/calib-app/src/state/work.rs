@@ -48,11 +48,11 @@ impl App {
     /// recovery, reading and edge detection.
     pub fn stop_work(&mut self) {
         if self.jobs.refining.take().is_some() {
-            self.act(Action::Note("Cancelled. No camera was moved.".into()));
+            self.act(Action::Note("Cancelled. No camera pose was changed.".into()));
             return;
         }
         if self.jobs.proposing.take().is_some() {
-            self.act(Action::Note("Cancelled. No lines were detected.".into()));
+            self.act(Action::Note("Automatic calibration cancelled. No lines were added.".into()));
             return;
         }
         if self.is_comparing() {
@@ -72,7 +72,7 @@ impl App {
             0 => "Cancelled. Use \u{201c}Reload images and detect edges again\u{201d} to continue.".into(),
             count => {
                 let images = calib_site::counted(count, "image", "images");
-                format!("Cancelled before {images} could be added. Add them again if needed.")
+                format!("Cancelled; not added: {images}. Add images again if needed.")
             }
         }));
     }

@@ -71,7 +71,7 @@ pub(super) fn open(mut input: Input, _purpose: ReadOptions<'_>) -> Result<Box<dy
 
 impl Stream {
     fn invalid(&self, error: impl std::fmt::Display) -> CommandError {
-        CommandError::invalid(&self.name, format!("not a complete Arrow IPC stream or file: {error}"))
+        CommandError::invalid(&self.name, format!("cannot be read as an Arrow IPC stream or file: {error}"))
     }
 
     /// Reads up to `count` bytes of the input and appends them to `bytes`.

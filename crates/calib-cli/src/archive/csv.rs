@@ -110,7 +110,7 @@ fn check_column_names(name: &str, schema: &Schema, as_text: &[String]) -> Result
     let columns: Vec<&str> = schema.fields().iter().map(|field| field.name().as_str()).collect();
     Err(CommandError::invalid(
         name,
-        format!("--as-text {unknown}: the table has the columns \"{}\"", columns.join(",")),
+        format!("--as-text {unknown}: no such column; the table has the columns \"{}\"", columns.join(",")),
     ))
 }
 

@@ -242,7 +242,7 @@ impl Input {
     /// Returns a seekable file; a pipe is copied to an anonymous temporary file.
     pub(crate) fn into_file(self) -> Result<File, CommandError> {
         if self.is_compressed {
-            let what = "a file of this format cannot be compressed as a whole; decompress it first";
+            let what = "compressed files of this format are not supported; decompress the file first";
             return Err(CommandError::invalid(&self.name, what));
         }
         match self.from {

@@ -60,7 +60,7 @@ struct ParquetSource {
 
 pub(super) fn open(input: Input, _purpose: ReadOptions<'_>) -> Result<Box<dyn Source>, CommandError> {
     let name = input.name.clone();
-    let broken = |error| CommandError::invalid(&name, format!("not a complete Parquet file: {error}"));
+    let broken = |error| CommandError::invalid(&name, format!("cannot be read as a Parquet file: {error}"));
     let file = input.into_file()?;
     let meta = ArrowReaderMetadata::load(&file, ArrowReaderOptions::new()).map_err(broken)?;
     let about = meta.metadata();
@@ -107,7 +107,7 @@ impl Source for ParquetSource {
             let place = self.row_name(0);
             CommandError::invalid(
                 &self.name,
-                format!("{place} or soon after: not a complete Parquet file: {error}"),
+                format!("{place} or soon after: cannot be read as a Parquet file: {error}"),
             )
         }))
     }

@@ -34,8 +34,12 @@ impl CsvText {
         let (head, reader) = with_head(from)?;
         let separator = separator(&head);
         match separator {
-            b';' => notes.push("cells are separated by semicolons; a comma in a number is a decimal point"),
-            b'\t' => notes.push("cells are separated by tabs; a comma in a number is a decimal point"),
+            b';' => notes.push(
+                "cells are separated by semicolons; a comma in a number is read as a decimal separator",
+            ),
+            b'\t' => {
+                notes.push("cells are separated by tabs; a comma in a number is read as a decimal separator")
+            }
             _ => {}
         }
         Ok(Self { reader, separator, notes })

@@ -1,4 +1,4 @@
-//! Calibrated camera for applications, which maps columns of pixels of one of its streams.
+//! Calibrated camera for applications. It maps arrays of pixels of one video stream of the camera.
 //!
 //! All bindings for other languages use this interface. They pass arrays with their options. The computation
 //! and the names are defined only here.
@@ -154,12 +154,13 @@ impl CameraView {
         Extent { size: self.size, efov: &self.efov }
     }
 
-    /// Prepares the camera for the plane at `height` metres.
+    /// Returns a projector from pixels to the horizontal plane at `height` metres.
     fn plane(&self, height: f64) -> FloorProjector {
         if height == 0.0 { self.floor } else { FloorProjector::new(self.camera(), height) }
     }
 
-    /// Calls `each` for chunks of pixel columns, converted to pixels of the calibrated image.
+    /// Converts the stream pixels `(u, v)` to pixels of the calibrated image, at most [`CHUNK`] at a time, and
+    /// calls `each` with the index range and the converted pixels.
     fn each_image_chunk(&self, [u, v]: [&[f64]; 2], mut each: impl FnMut(Range<usize>, [&[f64]; 2])) {
         assert!(u.len() == v.len(), "columns of equal length");
         let is_still = self.map == StreamMap::STILL;
@@ -266,8 +267,8 @@ impl CameraView {
         projector.covariance(still, sigma * self.map.max_pixel_size(), surface)
     }
 
-    /// Maps at most [`CHUNK`] pixels of the calibrated image to points `height` metres above the surface that
-    /// each ray meets first.
+    /// Maps at most [`CHUNK`] pixels of the calibrated image to points on the surfaces raised by `height` metres:
+    /// for each pixel, the first one that its ray meets.
     fn to_surfaces(&self, height: f64, still: [&[f64]; 2], [x, y]: [&mut [f64]; 2], status: &mut [Status]) {
         let mut points = [None; CHUNK];
         let points = &mut points[..status.len()];
@@ -278,14 +279,16 @@ impl CameraView {
         }
     }
 
-    /// Maps pixels as [`Self::to_floor`], without status. A pixel without a point has NaN.
+    /// Maps pixels like [`Self::to_floor`], but without a status. The point of a pixel above the horizon or outside
+    /// the lens is NaN.
     ///
     /// # Panics
     /// If the columns differ in length.
     pub fn to_floor_points(&self, height: f64, pixels: [&[f64]; 2], [x, y]: [&mut [f64]; 2]) {
         let plane = self.plane(height);
         if self.surfaces.is_empty() && self.map == StreamMap::STILL {
-            // Without surfaces and stream, all pixels are mapped at once.
+            // If the pixels are those of the calibrated image, and there are no other planes, no chunks are
+            // needed.
             return plane.pixels_to_floor(pixels[0], pixels[1], x, y);
         }
         self.each_image_chunk(pixels, |range, [u, v]| {
@@ -298,8 +301,8 @@ impl CameraView {
         });
     }
 
-    /// Computes the covariances of the points of the plane at `height` metres, as xx, xy, yx, yy in square
-    /// metres. The pixel part and the calibration part are separate. `sigma` is the standard deviation of
+    /// Computes the covariances of the points that [`Self::to_floor`] returns for these pixels, as xx, xy, yx, yy
+    /// in square metres. The pixel part and the calibration part are separate. `sigma` is the standard deviation of
     /// each coordinate, in pixels of the stream.
     ///
     /// # Panics
@@ -329,8 +332,8 @@ impl CameraView {
         });
     }
 
-    /// Computes the derivatives of the floor point of every pixel by the parameters of the camera: row x and
-    /// row y.
+    /// Computes, for every pixel, the Jacobian of its floor point (height 0) with respect to the camera parameters:
+    /// the row of x, then the row of y. NaN without a floor point.
     ///
     /// # Panics
     /// If the columns differ in length.

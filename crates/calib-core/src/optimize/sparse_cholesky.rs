@@ -31,9 +31,10 @@ use crate::optimize::dense::{Packed, Part, Product};
 /// Pattern of the factor of a matrix of blocks.
 #[derive(Clone, Debug)]
 pub(crate) struct SparseStructure {
-    /// Position of every block of the matrix in the order of the factor.
+    /// Position of every block in the elimination order.
     positions: Vec<usize>,
-    /// First parameter of every position in the order of the factor, followed by the number of parameters.
+    /// Index of the first parameter of the block at each position of the elimination order; the last entry is the
+    /// total number of parameters.
     pub(super) starts: Vec<usize>,
     /// Index of the supernode that contains each position in the order of the factor.
     owners: Vec<usize>,
@@ -53,18 +54,19 @@ pub(super) struct Supernode {
     /// Block rows of the panel, as ascending positions in the order of the factor. The blocks of the
     /// supernode itself come first.
     pub(super) rows: Vec<usize>,
-    /// First row of each block row in the panel, followed by the height of the panel.
+    /// Index of the first panel row of each block row; the last entry is the number of rows of the panel.
     pub(super) tops: Vec<usize>,
 }
 
-/// Position, among the values of the matrix, of the submatrix of two blocks.
+/// Location of the submatrix of a pair of blocks in the array of stored values.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Entry {
     /// Index of the first value of the submatrix.
     offset: usize,
-    /// Distance between two columns of the panel: its height.
+    /// Offset between consecutive columns of the panel, in values; equal to its number of rows.
     stride: usize,
-    /// Whether the first block is stored as rows of the panel, and the second block as columns.
+    /// Whether the submatrix is stored transposed. If so, the panel columns belong to the second block; otherwise
+    /// to the first.
     is_transposed: bool,
 }
 
@@ -150,8 +152,8 @@ impl SparseStructure {
         self.positions.len()
     }
 
-    /// Returns the position of the submatrix of two blocks among the values of the matrix. Returns `None` if
-    /// the submatrix is outside the pattern.
+    /// Returns the location of the submatrix of a pair of blocks in the array of stored values; `None` if it is
+    /// outside the pattern.
     pub(crate) fn entry(&self, [a, b]: [usize; 2]) -> Option<Entry> {
         let (first, second) = (self.positions[a], self.positions[b]);
         let supernode = &self.supernodes[self.owners[first.min(second)]];
@@ -162,7 +164,7 @@ impl SparseStructure {
         Some(Entry { offset, stride, is_transposed: second < first })
     }
 
-    /// Iterates over the indices of the diagonal values of a block among the values of the matrix.
+    /// Iterates over the indices, in the array of stored values, of the diagonal entries of a block.
     pub(crate) fn diagonal(&self, block: usize) -> impl Iterator<Item = usize> + use<> {
         let supernode = &self.supernodes[self.owners[self.positions[block]]];
         let first = supernode.tops[self.positions[block] - supernode.rows[0]];
@@ -282,8 +284,8 @@ pub(super) fn running_sums(sizes: impl Iterator<Item = usize>) -> Vec<usize> {
     sums
 }
 
-/// Returns an order of the blocks for which the factor has few additional blocks that are not zero (little
-/// fill). The order contains the block at every position.
+/// Computes an elimination order with little fill, by approximate minimum degree. Returns the index of the block at
+/// each position.
 fn order_for_little_fill(neighbours: &[Vec<usize>]) -> Vec<usize> {
     let mut offsets = vec![0];
     let mut rows = Vec::new();
@@ -307,7 +309,7 @@ pub(crate) struct CholeskyFactor {
 
 impl SparseStructure {
     /// Computes the Cholesky factor of the matrix with the given values. Returns `None` if the matrix is not
-    /// positive definite. Of a diagonal block, only the upper triangle is used.
+    /// positive definite. Only the upper triangle of each diagonal block is read.
     pub(crate) fn factor(self: &Arc<Self>, mut values: Vec<f64>) -> Option<CholeskyFactor> {
         self.factor_in_place(&mut values)?;
         Some(CholeskyFactor { sparse: Arc::clone(self), values })

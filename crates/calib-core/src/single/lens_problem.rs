@@ -8,9 +8,9 @@
 //! model, and to the principal point if it is free.
 //!
 //! Published calibrations of cameras from 45 to 100 degrees (KITTI, `EuRoC`, TUM RGB-D, MEVA, the samples of
-//! `OpenCV`) have k1 between -0.27 and 0.16. For barrel distortion k2 is within 0.1 of k1 squared, and |p1|,
-//! |p2| are below 0.003. So without information from the edges k2 and k3 stay small, and the uncertainty in
-//! the corners is the variation between lenses.
+//! `OpenCV`) have k1 between -0.27 and 0.16. For barrel distortion k2 is within 0.1 of k1 squared, and |p1|, |p2|
+//! are below 0.003. Therefore k2 and k3 stay small if the edges do not determine them. The uncertainty in the
+//! corners then equals the variation between real lenses.
 //!
 //! # Focal length and principal point of a fisheye
 //!
@@ -149,7 +149,8 @@ pub(crate) fn slope_prior(lens: &Lens, outermost: Option<Pixel>) -> Option<LensR
 /// Fit of distortion coefficients to polylines, as a least-squares problem.
 pub(super) struct LensProblem<'a> {
     pub(super) edges: Vec<&'a Edge>,
-    /// Repeat count of every edge.
+    /// Number of times that the same physical edge is annotated, for every edge: 1 plus the fractions that other
+    /// polylines cover. The squared residuals of the edge are divided by it.
     pub(super) repeat_counts: Vec<f64>,
     /// Distortion model and its fitted coefficients.
     pub(super) fitted: FittedCoefficients,
@@ -162,18 +163,19 @@ pub(super) struct LensProblem<'a> {
     pub(super) principal_point: Pixel,
     /// Pixel aspect of the lens.
     pub(super) pixel_aspect: f64,
-    /// Unit of coordinates, in pixels: the focal length of the coefficients, or its start value.
+    /// Focal length to which the coefficients refer, in pixels: half the image diagonal, or the (start value of
+    /// the) focal length of a model with its own.
     pub(super) unit: f64,
     /// Width and height of the image, in pixels.
     pub(super) size: [f64; 2],
     /// Image circle of a fisheye, if known.
     pub(super) circle: Option<ImageCircle>,
-    /// Standard deviation of a drawn coordinate, in pixels.
+    /// Standard deviation of an annotated coordinate, in pixels.
     pub(super) sigma: f64,
 }
 
 impl LensProblem<'_> {
-    /// Returns the lens at the start of the estimate.
+    /// Returns the lens whose fitted parameters are all 0, from which the estimate starts.
     fn start(&self) -> Lens {
         self.lens(&[])
     }
@@ -224,8 +226,8 @@ impl LensProblem<'_> {
         lens_prior(&lens, self.size, centre, fitted).into_iter().chain(of_slope).collect()
     }
 
-    /// Returns residuals and Jacobian in pixels, the priors last. The straight line of every edge is
-    /// refitted, so the line is eliminated.
+    /// Returns the residuals, in pixels, and their Jacobian; edges first, then priors scaled by `sigma`. The best
+    /// line of every edge is refitted, so its parameters are eliminated.
     ///
     /// `None` if the lens folds back on itself before a corner of the image.
     pub(super) fn residuals_and_jacobian(&self, values: &[f64]) -> Option<(DVector<f64>, DMatrix<f64>)> {
@@ -310,8 +312,8 @@ impl LensProblem<'_> {
         [halfway, edge, corner]
     }
 
-    /// Returns the variance of the undistorted corner of the image in square pixels, as determined by the
-    /// selected edges.
+    /// Returns the variance of the undistorted image corner, in square pixels, if only the edges with `is_used` are
+    /// fitted.
     fn corner_variance(&self, values: &[f64], is_used: impl Fn(&Edge) -> bool) -> Option<f64> {
         let [_, _, corner] = self.reference_pixels();
         let used = self.edges.iter().copied().zip(self.repeat_counts.iter().copied());
@@ -328,14 +330,15 @@ impl LensProblem<'_> {
         Some(self.sigma * self.sigma * pairs.map(along).sum::<f64>())
     }
 
-    /// Returns the covariance of the fitted parameters, divided by the variance `sigma^2` of a drawn coordinate.
+    /// Returns the covariance of the fitted parameters, divided by the variance `sigma^2` of an annotated
+    /// coordinate.
     pub(super) fn covariance(&self, values: &[f64]) -> Option<DMatrix<f64>> {
         let (_, jacobian) = self.residuals_and_jacobian(values)?;
         jacobian.tr_mul(&jacobian).try_inverse()
     }
 
-    /// Returns the lowest minimum reached from several starts, including the values of the next smaller
-    /// model.
+    /// Minimises the cost from several start values and from `smaller`, the result of the next smaller model.
+    /// Returns the values with the lowest cost, and this cost.
     pub(super) fn solve(&self, smaller: &[f64]) -> Option<(Vec<f64>, f64)> {
         /// Maximum number of accepted steps to a minimum.
         const MAX_STEPS: usize = 60;
@@ -370,7 +373,7 @@ impl LensProblem<'_> {
 
     /// Whether two states are so close that runs from both converge to the same minimum.
     pub(super) fn is_same(&self, a: &[f64], b: &[f64]) -> bool {
-        /// Largest distance of coefficients, of the log focal length, and of principal points in units of the
+        /// Largest difference of each parameter between equal states; for the principal point, in units of the
         /// focal length.
         const MAX_DISTANCE: f64 = 1e-4;
         let pixels = self.fitted.len() + self.free.iter().take_while(|&&index| index < Lens::CENTRE).count();
@@ -429,8 +432,8 @@ impl Normal {
         (residuals.norm_squared(), normal)
     }
 
-    /// Returns the damped step: the new state, its predicted reduction of the cost, and its largest
-    /// component.
+    /// Computes a damped step. Returns the new values, the predicted reduction of the cost, and the largest
+    /// absolute component of the step.
     pub(super) fn step(&self, values: &[f64], damping: f64) -> Option<(Vec<f64>, f64, f64)> {
         let mut damped = self.square.clone();
         for i in 0..values.len() {
@@ -463,7 +466,7 @@ fn edge_cost(lenses: [&Lens; 2], edge: &Edge) -> f64 {
 impl LensProblem<'_> {
     /// Frees the focal length, and the principal point unless it is fixed.
     ///
-    /// The focal length starts at the value with the straightest edges.
+    /// The start value is the focal length with the lowest cost after a few steps from each of several values.
     pub(super) fn with_free_focal(mut self, is_centre_fixed: bool) -> Self {
         /// Start values of the focal length: fisheyes from 60 to 250 degrees, in units of half the image
         /// diagonal.

@@ -4,13 +4,11 @@
 //! Each error is an unknown with a normal prior of mean 0. It is eliminated like the other nuisance
 //! parameters:
 //!
-//! - The verticals lean against the normal of the floor by two small angles, `N(0, floor_tilt^2)` each: posts
-//!   are plumb, floors slope. The base system follows the floor, because trackers work on the floor.
-//! - A floor with marks of equal length slopes to their side by a further `N(0, crossfall^2)`
-//!   (`crossfall.rs`).
-//! - A right angle is 90 degrees plus `N(0, angle^2)`.
-//! - An annotated direction leaves the floor plane by `N(0, (angle / 4)^2)`.
-//! - The log of a length differs from that of its group by `N(0, length^2)`.
+//! - The floor normal deviates from the vertical by two small angles, `N(0, floor_tilt^2)` each: posts are plumb,
+//! but floors slope. The base system follows the floor, because trackers work on the floor. - A floor with marks of
+//! equal length has an additional slope across the marks, `N(0, crossfall^2)` (`crossfall.rs`). - A right angle is
+//! 90 degrees plus `N(0, angle^2)`. - The elevation of an annotated direction above the floor plane is `N(0, (angle
+//! / 4)^2)`. - The log of a length differs from that of its group by `N(0, length^2)`.
 //!
 //! # Sources of the numbers
 //!
@@ -22,11 +20,11 @@
 //! to 2 % are usual for drainage. The default of 0.5 degrees is a compromise between rooms and outdoors. The
 //! site file can override it (`scene`).
 //!
-//! Straight roads slope to their side by 2.5 %, curves by up to 7 or 8 % (RAA, RAL; AASHTO Green Book: 1.5 to
-//! 2 %, and up to 8 %). If half of them are straight and half are uniform between 2.5 and 7 %, the root mean
-//! square is 3.9 %, or 2.2 degrees; 2 degrees are used. Marks in a single direction may also be tiles, which
-//! are level. For tiles this prior is too wide and costs precision (`docs/src/accuracy.md`). A prior that is
-//! too narrow would promise a precision that does not exist.
+//! Straight roads slope to their side by 2.5 %, curves by up to 7 or 8 % (RAA, RAL; AASHTO Green Book: 1.5 to 2 %,
+//! and up to 8 %). If half of them are straight and half are uniform between 2.5 and 7 %, the root mean square is
+//! 3.9 %, or 2.2 degrees; 2 degrees are used. Marks in a single direction may also be tiles, which are level. For
+//! tiles this prior is too wide and reduces the precision (`docs/src/accuracy.md`). A narrower prior would
+//! underestimate the uncertainty on roads.
 //!
 //! Tiles have equal lengths to 0.2 %, lane marks to 3 %. A length may be of either kind. The normal
 //! distribution nearest to the mixture of both (Kullback and Leibler 1951) has the variance of the mixture, a
@@ -37,14 +35,15 @@ use crate::single::annotation::Annotation;
 /// Standard deviations of the scene's own errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SceneErrors {
-    /// Lean of the verticals against the normal of the floor, along and across the view, in radians.
+    /// Standard deviation of the angle between the vertical and the floor normal, in radians; for each of two
+    /// components, along and across the view.
     pub floor_tilt: f64,
-    /// Additional slope of the floor to the side of marks of equal length, in radians. Along the marks the
-    /// slope is a quarter of it.
+    /// Standard deviation of the floor's slope across marks of equal length, in radians, in addition to
+    /// `floor_tilt`. The slope along the marks has a quarter of it.
     pub crossfall: f64,
-    /// Deviation of a right angle from 90 degrees, in radians.
+    /// Standard deviation of a right angle from 90 degrees, in radians.
     pub angle: f64,
-    /// Difference of the log of a length from the log length of its group.
+    /// Standard deviation of the natural logarithm of a length within its group (about the relative deviation).
     pub length: f64,
 }
 
@@ -73,7 +72,8 @@ impl SceneErrors {
 }
 
 impl Default for SceneErrors {
-    /// Returns the standard deviations for an unknown scene.
+    /// Returns the default standard deviations, for a scene of unknown kind; see the sources at the top of this
+    /// file.
     fn default() -> Self {
         Self {
             floor_tilt: 0.5_f64.to_radians(),
@@ -84,8 +84,8 @@ impl Default for SceneErrors {
     }
 }
 
-/// Deviation of one annotated direction from the direction of its group: the sigmas of two nuisance
-/// parameters.
+/// Standard deviations of the two nuisance parameters (azimuth and elevation) of an annotated direction, relative
+/// to the direction of its group.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Deviation {
     /// Index of the group.

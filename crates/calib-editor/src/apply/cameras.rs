@@ -76,7 +76,7 @@ impl Editor {
         self.replaced_image = old.map(|image| ReplacedImage { of, image, opacity: 0.5, size });
         if let Some([w, h]) = size {
             self.session.note = Some(format!(
-                "The old image had another size, {w} \u{d7} {h} px. Press Rescale the annotations."
+                "The old image had another size, {w} \u{d7} {h} px. Press \u{201c}Rescale the annotations\u{201d}."
             ));
         }
     }
@@ -199,7 +199,7 @@ impl Editor {
         {
             let (title, since) = (&known.title, &known.since);
             self.session.note = Some(format!(
-                "{camera}: in an image older than {since}, {became}. The newer image {title} was kept."
+                "{camera}: an image older than {since} was ignored ({became}). The newer image {title} was kept."
             ));
             return;
         }
@@ -230,7 +230,7 @@ impl Editor {
         self.session.commit(format!("recover {camera}"));
         let left_out = match left_out.len() {
             0 => String::new(),
-            _ => format!(" Omitted because not visible in the new image: {}.", left_out.join(", ")),
+            _ => format!(" Not visible in the new image, so not transferred: {}.", left_out.join(", ")),
         };
         self.session.note =
             Some(format!("{camera}: {carried} lines and points transferred to the new image.{left_out}"));

@@ -195,7 +195,8 @@ impl Measure {
             kind.name()
         ));
         if is_speed && !has_times {
-            let what = "Enter the time between the points, in seconds, in the panel Measurements.";
+            let what =
+                "Enter the time between the points, in seconds, in the panel \u{201c}Measurements\u{201d}.";
             session.note = Some(what.into());
         }
     }
@@ -309,7 +310,7 @@ impl Tool for Measure {
                 ),
                 MeasurementKind::Height => format!("Click the lower end {where_to}, then the upper end."),
                 MeasurementKind::Area => format!("Click the corners {where_to} in the images."),
-                MeasurementKind::Speed => format!("Click a point of the object {where_to} at the first time."),
+                MeasurementKind::Speed => format!("Click a point of the object {where_to} at the first of the two times."),
             },
         }
     }

@@ -100,8 +100,11 @@ impl PlaceDrag {
         if pointer.double {
             let is_pinned = session.tool.pivot.take().is_some();
             session.tool.pivot = (!is_pinned).then_some(pointer.at);
-            let note =
-                if is_pinned { "Pivot reset to the centre." } else { "Corners now rotate about this pivot." };
+            let note = if is_pinned {
+                "Pivot reset to the centre."
+            } else {
+                "Dragging a corner now rotates and scales about this pivot."
+            };
             session.note = Some(note.into());
             return None;
         }

@@ -60,7 +60,8 @@ const EXCHANGE: &str = "Exchange their pixels, or their coordinates.";
 const NOT_INVERTIBLE: &str = "The distortion cannot be inverted in a corner of the image.";
 
 impl SentenceContext<'_> {
-    /// Returns the description of a finding, as sentences.
+    /// Returns the description of a finding, as sentences. Every finding has an arm here or in
+    /// [`Self::shared_message`], and one in [`fixed_advice`] or [`shared_advice`]; `tests.rs` finds empty texts.
     fn message(&self, finding: &Finding) -> String {
         use Finding as F;
         match finding {
@@ -166,7 +167,7 @@ fn advice(finding: &Finding) -> String {
         ),
         F::TwoSolutions { is_turned: true, .. } => TURNED_ADVICE.into(),
         F::TwoSolutions { .. } => {
-            format!("Draw one more line to decide between the two solutions. {}", next())
+            format!("Draw one more line to decide between the solutions. {}", next())
         }
         F::Weak { scale_rel: Some(scale), next, .. } | F::Unusable { scale_rel: Some(scale), next, .. }
             if next.is_none_or(|next| next.annotation == SuggestedAnnotation::KnownSize) =>
@@ -266,7 +267,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         F::OutsideLens { .. } => "Move the point inwards, or correct the distortion.",
         F::NoLength { .. } => "Redraw or delete the line.",
         F::TooFewControlPoints { .. } => {
-            "Add control points: at least two that are far apart are required, and more improve the reliability."
+            "Add control points. At least two are required, far apart; more points make the result more reliable."
         }
         F::HiddenControlPoints { .. } => "Check the coordinates and pixels of these points.",
         F::FarControlPoints { .. } => {
@@ -278,7 +279,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         | F::OtherResolution { .. }
         | F::PixelsNotSquare { .. } => lens_advice(finding),
         F::UnknownSlope { .. } => {
-            "Set the scene (\"scene\") to level, sloping or steep. Or draw a right angle on the ground."
+            "State the slope of the ground: choose the scene in the app, or enter floor_tilt_sigma_deg in \"scene\". Or draw a right angle on the ground."
         }
         F::ExchangedControlPoints { .. } => EXCHANGE,
         F::ScaleConflict { .. } => {
@@ -335,7 +336,7 @@ const fn shared_advice(finding: &Finding) -> &'static str {
             "Check the map coordinates and the pixel of the point, then the scale of the plan."
         }
         F::LargeSite { is_compact: true, .. } => "Move the origin of the site close to its cameras.",
-        F::LargeSite { .. } => "Divide the site into sites of at most 5 km.",
+        F::LargeSite { .. } => "Divide the site into smaller sites, each within 5 km of its origin.",
         F::ControlPointOutlier { .. } => {
             "Check the coordinates and the pixel of the point. If both are correct, use it anyway (\"keep\")."
         }
@@ -344,7 +345,7 @@ const fn shared_advice(finding: &Finding) -> &'static str {
         }
         F::UncheckedLinks { .. } => "Add one more link between these cameras, far from the existing links.",
         F::ElementOutlier { .. } => {
-            "Check that every camera marks the same object. If so, use the link or mark anyway (\"keep\")."
+            "Check that the pixels are on the same object in every camera. If so, use the link or mark anyway (\"keep\")."
         }
         F::DistanceOutlier { .. } => "Check the length and its unit.",
         F::NotConnected { .. } => "Link three points with a connected camera, or add control points.",
@@ -381,7 +382,7 @@ const fn advice_on_unused(why: UnusedReason) -> &'static str {
              object in every image."
         }
         UnusedReason::SingleView => {
-            "Annotate the link or mark in a second camera, or enter its distance from another one."
+            "Annotate the link or mark in a second camera, or enter its distance from another link or mark."
         }
         UnusedReason::UnknownLengthOrEnd => {
             "Use links or marks that are annotated in images, and enter \"sigma\" or \"fixed\" for the length."

@@ -282,7 +282,7 @@ impl SentenceContext<'_> {
         let worst = worst
             .map_or_else(String::new, |(line, px)| format!(" Worst: {}, {px:.1} px.", self.line_of(line)));
         format!(
-            "The lines disagree more than drawing noise explains (chi-square {chi2:.0}, {dof} degrees of freedom).{worst}"
+            "The lines disagree more than annotation noise explains (chi-square {chi2:.0}, {dof} degrees of freedom).{worst}"
         )
     }
 
@@ -310,7 +310,7 @@ impl SentenceContext<'_> {
 
     pub(super) fn hidden_control_points(&self, points: &[usize]) -> String {
         let names: Vec<String> = points.iter().map(|&point| self.control_point(self.entry, point)).collect();
-        format!("Control points that are not visible from the current camera position: {}.", names.join(", "))
+        format!("Control points that are not visible with the computed camera pose: {}.", names.join(", "))
     }
 
     pub(super) fn far_control_points(&self, rms_px: f64, worst: usize, worst_px: f64) -> String {
@@ -401,7 +401,7 @@ impl SentenceContext<'_> {
     pub(super) fn scale_unknown(&self, cameras: &[usize], root: usize) -> String {
         let (ids, root) = (self.ids(cameras), self.id(root));
         format!(
-            "The scale of {ids} is unknown. Camera {root} is assumed to have the height from its placement."
+            "The scale of {ids} is unknown. Camera {root} is assumed to have the height from its placement, or 3 m without a placement."
         )
     }
 
@@ -416,13 +416,13 @@ impl SentenceContext<'_> {
         let names: Vec<String> = what.iter().map(|&subject| self.shared(subject)).collect();
         let why = match why {
             UnusedReason::NotVisible => {
-                "the position from the other views is not visible in one of the cameras"
+                "the position computed from the other cameras cannot be seen by one of them"
             }
             UnusedReason::SingleView => "annotated in only one camera",
             UnusedReason::UnknownLengthOrEnd => {
                 "an end has no position, or the length has neither \"sigma\" nor \"fixed\""
             }
-            UnusedReason::NoPoses => "no camera position makes all links and marks visible",
+            UnusedReason::NoPoses => "no combination of camera poses makes every link and mark visible",
             UnusedReason::NoGeoreference => "the position of the site on the map is unknown",
         };
         format!("Not used: {}; {why}.", enumerated(&names))
@@ -510,7 +510,7 @@ pub(super) fn unchecked(dof: i64, rejected: usize) -> String {
 pub(super) fn few_residuals(dof: i64, factor: f64) -> String {
     let lines = counted(usize::try_from(dof).unwrap_or_default(), "redundant line", "redundant lines");
     format!(
-        "The drawing noise is estimated from only {lines}, so every \u{b1} is {factor:.1} times wider (Student's t)."
+        "The annotation noise is estimated from only {lines}, so every \u{b1} is {factor:.1} times wider (Student's t)."
     )
 }
 
@@ -530,7 +530,7 @@ pub(super) fn joint_misfit(chi2: f64, dof: i64) -> String {
 
 pub(super) fn curved(px: f64, px_without_lens: f64) -> String {
     format!(
-        "The straight edges deviate from straight by {px:.2} px RMS ({px_without_lens:.2} px without distortion)."
+        "The straight edges deviate from straight by {px:.2} px RMS ({px_without_lens:.2} px without a distortion model)."
     )
 }
 
@@ -564,16 +564,18 @@ pub(super) const fn field(parameter: Parameter) -> &'static str {
 
 pub(super) const fn efov(is_whole: bool) -> &'static str {
     if is_whole {
-        "The whole field of view (EFOV) is above the horizon or outside the lens."
+        "The whole field of view (EFOV) is above the horizon or beyond the view of the lens."
     } else {
-        "Part of the field of view (EFOV) was cut off: it is above the horizon, farther than 50 camera heights, or outside the lens."
+        "Part of the field of view (EFOV) was cut off: it is above the horizon, more than 50 camera heights away, or beyond the view of the lens."
     }
 }
 
 pub(super) fn evidence(shared: SharedEvidence, count: usize) -> String {
     match shared {
         SharedEvidence::Links => counted(count, "link is", "links are"),
-        SharedEvidence::Marks => counted(count, "mark with pixels is", "marks with pixels are"),
+        SharedEvidence::Marks => {
+            counted(count, "mark annotated in images is", "marks annotated in images are")
+        }
         SharedEvidence::Distances => counted(count, "distance is", "distances are"),
     }
 }

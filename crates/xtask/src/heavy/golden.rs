@@ -1,5 +1,5 @@
-//! `cargo xtask golden`: points of twenty cameras, mapped one by one by the core. Every language binding must
-//! return the same bits.
+//! `cargo xtask golden`: reference results of the core for points of twenty cameras. Tests compare the results of
+//! every language binding with them bit by bit.
 //!
 //! - `site.json` contains the cameras.
 //! - `cameras.txt` has one line per camera: id, origin, fit, width and height of the stream, left, top, width
@@ -34,7 +34,7 @@ const COLUMNS: usize = 21;
 const SIGMA_PX: f64 = 1.5;
 const IMAGE_SIZE: [u32; 2] = [1920, 1080];
 
-/// Writes the files into `out`.
+/// Computes the golden values and writes `site.json`, `cameras.txt` and `points.f64` into the folder `out`.
 pub(crate) fn run(out: &Path) -> anyhow::Result<()> {
     fs::create_dir_all(out).with_context(|| out.display().to_string())?;
     let mut random = ChaCha8Rng::seed_from_u64(20);
@@ -129,7 +129,7 @@ fn columns(
     let mut rows = Vec::with_capacity(POINTS);
     for index in 0..POINTS {
         let mut pixel = size.map(|side| side * random.random_range(-0.1..1.1));
-        // Detectors sometimes return invalid boxes.
+        // A few coordinates are NaN or infinite, as in the output of some detectors.
         if index % 500 == 7 {
             pixel[index % 2] = if index % 3 == 0 { f64::NAN } else { f64::INFINITY };
         }
