@@ -46,17 +46,32 @@ pub fn disagreement_text(one: &Disagreement) -> String {
         let sign = if value < 0.0 { '\u{2212}' } else { '+' };
         format!("{} cm too far towards {sign}{axis}", centimetres(value.abs()))
     };
-    let [_, _, z, yaw, pitch, roll, _] = one.errors;
-    let turn = [("yaw", yaw), ("pitch", pitch), ("roll", roll)];
-    let (name, largest) = turn.into_iter().fold(turn[0], |a, b| if b.1.abs() > a.1.abs() { b } else { a });
     format!(
-        "places the walker {} and {} (\u{b1} {} cm); most likely errors: {name} {:+.2}\u{b0}, height {} cm",
+        "places the walker {} and {} (\u{b1} {} cm); most likely error: {}",
         toward(x, "x"),
         toward(y, "y"),
         centimetres(one.shift_sigma),
-        largest.to_degrees(),
-        centimetres(z.abs())
+        error_text(&one.errors)
     )
+}
+
+/// Describes the most likely error of a camera. One of the errors is not zero.
+fn error_text(errors: &[f64; 7]) -> String {
+    let [x, y, z, yaw, pitch, roll, focal] = *errors;
+    let length = |name, value: f64| (name, value, format!("{:+.0} cm", 100.0 * value));
+    let angle = |name, value: f64| (name, value, format!("{:+.2}\u{b0}", value.to_degrees()));
+    let focal = ("focal length", focal, format!("{focal:+.1} px"));
+    let all = [
+        length("x", x),
+        length("y", y),
+        length("height", z),
+        angle("yaw", yaw),
+        angle("pitch", pitch),
+        angle("roll", roll),
+        focal,
+    ];
+    let largest = all.into_iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+    largest.map_or_else(String::new, |(name, _, value)| format!("{name} {value}"))
 }
 
 impl WalkPage<'_> {
