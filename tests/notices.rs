@@ -7,10 +7,10 @@ use std::process::Command;
 
 use calib_tests::{Scratch, root};
 
-/// Returns name and version of the third-party crates linked into a program, on any system.
-fn linked(package: &str) -> BTreeSet<String> {
+/// Returns name and version of the third-party crates linked into a program on a target, or on any target ("all").
+fn linked(package: &str, target: &str) -> BTreeSet<String> {
     let output = Command::new(env!("CARGO"))
-        .args(["tree", "--locked", "--package", package, "--target", "all"])
+        .args(["tree", "--locked", "--package", package, "--target", target])
         .args(["--edges", "normal,no-proc-macro", "--prefix", "none", "--no-dedupe", "--format", "{p}"])
         .current_dir(root())
         .output()
@@ -22,26 +22,27 @@ fn linked(package: &str) -> BTreeSet<String> {
     others.map(|line| line.replacen(" v", " ", 1).trim_end_matches(" (*)").to_owned()).collect()
 }
 
-fn missing(package: &str, notices: &str) -> Vec<String> {
+fn missing(package: &str, target: &str, notices: &str) -> Vec<String> {
     let named: BTreeSet<&str> = notices.lines().filter_map(|line| line.strip_prefix("  ")).collect();
-    let linked = linked(package);
+    let linked = linked(package, target);
     assert!(linked.len() > 20, "{package}: {} crates", linked.len());
     linked.into_iter().filter(|crate_| !named.contains(crate_.as_str())).collect()
 }
 
 #[test]
 fn notices_name_all_linked_crates() {
-    for (package, path) in [
-        ("calib-cli", "crates/calib-cli/THIRD-PARTY.txt"),
-        ("calib-app", "crates/calib-app/assets/THIRD-PARTY.txt"),
-        ("calib-js", "crates/calib-js/THIRD-PARTY.txt"),
-        ("calib-py", "crates/calib-py/THIRD-PARTY.txt"),
-        ("calib-c", "crates/calib-c/THIRD-PARTY.txt"),
+    for (package, target, path) in [
+        ("calib-cli", "all", "crates/calib-cli/THIRD-PARTY.txt"),
+        ("calib-app", "all", "crates/calib-app/assets/THIRD-PARTY.txt"),
+        ("calib-app", "wasm32-unknown-unknown", "crates/calib-app/assets/THIRD-PARTY-PAGE.txt"),
+        ("calib-js", "all", "crates/calib-js/THIRD-PARTY.txt"),
+        ("calib-py", "all", "crates/calib-py/THIRD-PARTY.txt"),
+        ("calib-c", "all", "crates/calib-c/THIRD-PARTY.txt"),
     ] {
         let notices = std::fs::read_to_string(root().join(path)).unwrap();
-        let missing = missing(package, &notices);
+        let missing = missing(package, target, &notices);
         assert!(missing.is_empty(), "`cargo xtask notices` adds to {path}: {}", missing.join(", "));
-        assert!(!self::missing(package, &notices.replace("\n  serde ", "\n  gone ")).is_empty());
+        assert!(!self::missing(package, target, &notices.replace("\n  serde ", "\n  gone ")).is_empty());
     }
 }
 

@@ -42,7 +42,7 @@ impl App {
         }
         self.poll_picture(ctx);
         self.watch_outside();
-        for (command, modifiers) in keys::pressed(ctx, self.hover.was_typing) {
+        for (command, modifiers) in keys::pressed(ctx, self.hover.was_typing, self.jobs.video.is_some()) {
             command::run(self, ctx, command, modifiers);
         }
     }

@@ -29,11 +29,12 @@ pub fn shortcut(command: Command, keys: Shortcut) -> KeyboardShortcut {
     KeyboardShortcut::new(modifiers, key(keys.key))
 }
 
-/// Returns the commands whose keys were pressed, except while a text field has the focus.
+/// Returns the commands whose keys were pressed, except while a text field has the focus. While a sheet needs the other
+/// keys (`has_sheet`), only Escape has a command.
 ///
 /// `was_typing` is true if a text field had the focus in the last frame. The Escape key that left the field
 /// then belongs to the field. An Escape key that closes a menu belongs to the menu.
-pub fn pressed(ctx: &Context, was_typing: bool) -> Vec<(Command, egui::Modifiers)> {
+pub fn pressed(ctx: &Context, was_typing: bool, has_sheet: bool) -> Vec<(Command, egui::Modifiers)> {
     if ctx.text_edit_focused() {
         return Vec::new();
     }
@@ -47,6 +48,9 @@ pub fn pressed(ctx: &Context, was_typing: bool) -> Vec<(Command, egui::Modifiers
                     || row.command == Command::Redo && is_pressed(OTHER_REDO, *key, *modifiers)
             };
             let Some(row) = command::all().find(matches) else { return true };
+            if has_sheet && row.command != Command::Cancel {
+                return true;
+            }
             if !(is_others && *key == egui::Key::Escape) {
                 found.push((row.command, *modifiers));
             }

@@ -65,7 +65,7 @@ fn a_frame_of_a_video_becomes_a_camera() {
         use_image(&mut desk, 1);
         let stem = name.split('.').next().unwrap();
         let camera = &desk.site().cameras[0];
-        assert!(camera.id.starts_with(&format!("{stem} 0.")), "{}", camera.id);
+        assert!(camera.id.starts_with(&format!("{stem} at 0.")), "{}", camera.id);
         let saved = image::open(scratch.path(&format!("{}.png", camera.id))).unwrap().into_rgb8();
         assert_eq!((saved.dimensions(), camera.size()), ((96, 64), [96.0, 64.0]), "{name}");
         // The square is visible.
@@ -102,10 +102,10 @@ fn objects_that_move_are_removed() {
     scratch.write("yard.mp4", CLIPS[0].1);
     let mut desk = Desk::new(Site::new());
     open(&mut desk, &scratch, &["yard.mp4"]);
-    wait_for(&mut desk, "Remove what moves");
-    desk.harness.get_by_label("Remove what moves").click();
-    wait_for(&mut desk, "Something moved in 2");
-    desk.harness.get_by_label("Show what moved").click();
+    wait_for(&mut desk, "Remove moving objects");
+    desk.harness.get_by_label("Remove moving objects").click();
+    wait_for(&mut desk, "Moving objects covered 2");
+    desk.harness.get_by_label("Mark changed pixels").click();
     use_image(&mut desk, 1);
     let saved = image::open(scratch.path("yard empty.png")).unwrap().into_rgb8();
     assert!(difference(&saved) <= 4, "{}", difference(&saved));
@@ -136,10 +136,7 @@ fn a_damaged_video_is_refused_and_escape_closes_the_sheet() {
     let mut desk = Desk::new(Site::new());
     open(&mut desk, &scratch, &["cut.mp4"]);
     wait_for(&mut desk, "Image from cut.mp4");
-    for _ in 0..100 {
-        desk.harness.step();
-        std::thread::sleep(std::time::Duration::from_millis(5));
-    }
+    wait_for(&mut desk, "cut.mp4 is damaged");
     let words = desk.words();
     assert!(!words.iter().any(|word| word.starts_with("Reading the")), "{words:?}");
     assert!(!words.iter().any(|word| word.contains("beside the video")), "{words:?}");

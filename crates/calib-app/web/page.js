@@ -129,45 +129,66 @@
       return new Uint8Array(await png.arrayBuffer());
     } finally { URL.revokeObjectURL(url); }
   };
-  /** Reads frames of a video: the frame at `time` seconds, or `count` frames evenly spread if `time` is negative. The longer side is at most `side` pixels unless `side` is 0. `each` gets time, width, height and RGBA pixels, and returns whether to continue. Resolves to the duration in seconds. */
-  calib.frames = async (bytes, time, count, side, each) => {
-    const refused = "The browser cannot decode this video. Use an MP4 file with H.264, or save one frame as PNG";
+  /** Open video: the element, its address, and the promise of its first frame. */
+  let clip = null;
+  /** Waits for an event of the open video. */
+  const next = (video, name) => new Promise((resolve, reject) => {
+    const fail = (text) => () => { clearTimeout(patience); reject(new Error(text)); };
+    const patience = setTimeout(fail("was not read in time. Try again, or use a shorter video"), 20000);
+    video.addEventListener(name, () => { clearTimeout(patience); resolve(); }, { once: true });
+    video.addEventListener("error", fail("cannot be decoded by this browser. Use an MP4 file with H.264, or save one frame as PNG"), { once: true });
+  });
+  calib.closeVideo = () => {
+    if (!clip) return;
+    clip.video.removeAttribute("src");
+    clip.video.load();
+    URL.revokeObjectURL(clip.url);
+    clip = null;
+  };
+  calib.openVideo = (bytes) => {
+    calib.closeVideo();
     const url = URL.createObjectURL(new Blob([bytes]));
     const video = Object.assign(document.createElement("video"), { muted: true, preload: "auto", playsInline: true });
-    const next = (name) => new Promise((resolve, reject) => {
-      const fail = () => reject(new Error(refused));
-      const patience = setTimeout(fail, 20000);
-      const done = (act) => () => { clearTimeout(patience); act(); };
-      video.addEventListener(name, done(resolve), { once: true });
-      video.addEventListener("error", done(fail), { once: true });
-    });
+    const loaded = next(video, "loadeddata");
+    loaded.catch(() => {});
+    video.src = url;
+    // Some browsers decode nothing before the video is played.
+    video.play().then(() => video.pause(), () => {});
+    clip = { video, url, loaded };
+  };
+  /** Reads frames of the open video: the frame at `time` seconds, or `count` frames evenly spread if `time` is negative. The longer side is at most `side` pixels unless `side` is 0. `each` gets time, width, height and RGBA pixels, and returns whether to continue. Resolves to the duration in seconds. */
+  calib.frames = async (time, count, side, each) => {
+    /** Memory of all frames that are held at once, in bytes. */
+    const MAX_BYTES = 4e8;
+    if (!clip) throw new Error("is closed");
+    const { video, loaded } = clip;
+    await loaded;
+    /** Shows a frame; resolves to the time at which it appears. */
     const seek = async (at) => {
-      const sought = next("seeked");
+      const shown = new Promise((resolve) => {
+        setTimeout(() => resolve(at), 300);
+        video.requestVideoFrameCallback?.((_, frame) => resolve(frame.mediaTime));
+      });
+      const sought = next(video, "seeked");
       video.currentTime = at;
       await sought;
+      return shown;
     };
-    try {
-      const loaded = next("loadeddata");
-      video.src = url;
-      await loaded;
-      // Some recordings state their duration only at their end.
-      if (!isFinite(video.duration)) await seek(1e7);
-      const duration = isFinite(video.duration) ? video.duration : video.currentTime;
-      const zoom = side ? Math.min(1, side / Math.max(video.videoWidth, video.videoHeight)) : 1;
-      const [width, height] = [video.videoWidth, video.videoHeight].map((length) => Math.round(length * zoom));
-      if (!(width > 0 && height > 0)) throw new Error(refused);
-      const paint = Object.assign(document.createElement("canvas"), { width, height }).getContext("2d", { willReadFrequently: true });
-      for (const at of time < 0 ? Array.from({ length: count }, (_, i) => (i + 0.5) / count * duration) : [time]) {
-        await seek(at);
-        paint.drawImage(video, 0, 0, width, height);
-        const { data } = paint.getImageData(0, 0, width, height);
-        if (!each(at, width, height, new Uint8Array(data.buffer))) break;
-      }
-      return duration;
-    } finally {
-      video.removeAttribute("src");
-      URL.revokeObjectURL(url);
+    // Some recordings state their duration only at their end.
+    if (!isFinite(video.duration)) await seek(1e7);
+    const duration = isFinite(video.duration) ? video.duration : video.currentTime;
+    const zoom = side ? Math.min(1, side / Math.max(video.videoWidth, video.videoHeight)) : 1;
+    const [width, height] = [video.videoWidth, video.videoHeight].map((length) => Math.round(length * zoom));
+    if (!(width > 0 && height > 0)) throw new Error("contains no pictures");
+    const held = Math.max(1, Math.min(count, Math.floor(MAX_BYTES / (4 * width * height))));
+    const paint = Object.assign(document.createElement("canvas"), { width, height }).getContext("2d", { willReadFrequently: true });
+    for (const at of time < 0 ? Array.from({ length: held }, (_, i) => (i + 0.5) / held * duration) : [time]) {
+      const appears = await seek(at);
+      paint.drawImage(video, 0, 0, width, height);
+      const { data } = paint.getImageData(0, 0, width, height);
+      if (!each(appears, width, height, new Uint8Array(data.buffer))) break;
     }
+    return duration;
   };
   /** Returns an image of the demonstration that is delivered with the page, or null. */
   calib.picture = async (name) => {

@@ -98,10 +98,10 @@ fn median(video: &mut Video, count: u16) -> Result<RgbImage, VideoError> {
     })?;
     bar.finish_and_clear();
     print_message(format_args!(
-        "calib: median of {} of {} frames; something moved in {:.1} % of the image",
+        "calib: median of {} of {} frames; moving objects covered {:.1} % of the image",
         found.times_s.len(),
         video.frame_count(),
-        100.0 * found.scene.moved_share
+        100.0 * found.scene.changed_share
     ));
     if found.scene.busy_share > MAX_BUSY_SHARE {
         print_message(format_args!(

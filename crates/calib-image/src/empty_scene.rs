@@ -10,10 +10,10 @@ const BUSY: f64 = 1.0 / 3.0;
 pub struct EmptyScene {
     /// Median of every colour of every pixel.
     pub image: RgbImage,
-    /// Whether something covered each pixel in some of the images, row by row.
-    pub moved: Vec<bool>,
+    /// Whether a moving object covered each pixel in some of the images, row by row.
+    pub changed: Vec<bool>,
     /// Share of these pixels, 0 to 1.
-    pub moved_share: f64,
+    pub changed_share: f64,
     /// Share of the pixels, 0 to 1, that moving objects covered in at least a third of the images. The median may show
     /// parts of the objects there.
     pub busy_share: f64,
@@ -21,16 +21,21 @@ pub struct EmptyScene {
 
 impl EmptyScene {
     /// Computes the median of images of one size. Without images, the result has no pixels.
+    ///
+    /// # Panics
+    /// If the sizes of the images differ.
     #[must_use]
     pub fn new(images: &[RgbImage]) -> Self {
+        let sizes: Vec<_> = images.iter().map(RgbImage::dimensions).collect();
+        assert!(sizes.windows(2).all(|pair| pair[0] == pair[1]), "images of one size");
         let image = median(images);
         let counts = covered_counts(images, &image);
         let share = |least: f64| {
             let covered = counts.iter().filter(|count| f64::from(**count) >= least).count();
             covered as f64 / counts.len().max(1) as f64
         };
-        let [moved_share, busy_share] = [share(1.0), share((BUSY * images.len() as f64).max(1.0))];
-        Self { image, moved: counts.iter().map(|count| *count > 0).collect(), moved_share, busy_share }
+        let [changed_share, busy_share] = [share(1.0), share((BUSY * images.len() as f64).max(1.0))];
+        Self { image, changed: counts.iter().map(|count| *count > 0).collect(), changed_share, busy_share }
     }
 }
 
@@ -77,10 +82,10 @@ mod tests {
             })
         };
         let frames: Vec<RgbImage> = (0..9).map(|i| frame(4 * i)).collect();
-        let EmptyScene { image, moved, moved_share, busy_share } = EmptyScene::new(&frames);
+        let EmptyScene { image, changed, changed_share, busy_share } = EmptyScene::new(&frames);
         assert!(image.enumerate_pixels().all(|(x, y, pixel)| pixel.0 == [(3 * x + y) as u8, 90, 60]));
-        assert!(moved_share > 0.8 && busy_share < 0.01, "{moved_share} {busy_share}");
-        let column = |x: usize| (0..20).all(|y| moved[40 * y + x]);
+        assert!(changed_share > 0.8 && busy_share < 0.01, "{changed_share} {busy_share}");
+        let column = |x: usize| (0..20).all(|y| changed[40 * y + x]);
         assert!(column(4) && !column(39));
     }
 

@@ -73,7 +73,8 @@ pub fn frame_name(video: &str, seconds: f64) -> String {
             let [before, after] = [&video[..range.start], &video[range.end..]];
             Some(format!("{before}{}{after}", rounded.strftime("%Y%m%d_%H%M%S%.3f")))
         });
-    named.unwrap_or_else(|| format!("{video} {seconds:.2} s"))
+    // The words between the numbers keep them from being read as parts of a time.
+    named.unwrap_or_else(|| format!("{video} at {seconds:.2} s"))
 }
 
 /// Returns the first time in a name.
@@ -193,8 +194,14 @@ mod tests {
         assert_eq!(named, "door_20260501_083017.480Z_main");
         assert_eq!(time_in_name(&named).as_deref(), Some("2026-05-01T08:30:17.48Z"));
         assert_eq!(frame_name("20260501235959", 1.0), "20260502_000000.000");
-        assert_eq!(frame_name("yard", 12.4804), "yard 12.48 s");
+        assert_eq!(frame_name("yard", 12.4804), "yard at 12.48 s");
         // Without the second, the time of the frame is unknown.
-        assert_eq!(frame_name("door_20260501_0830", 3.0), "door_20260501_0830 3.00 s");
+        for video in ["door_20260501", "door_2026050108", "door_20260501_08", "door_20260501_0830"] {
+            for seconds in [3.0, 12.48, 30.0, 75.2, 1234.0] {
+                let frame = frame_name(video, seconds);
+                assert_eq!(time_in_name(&frame), time_in_name(video), "{frame}");
+                assert_eq!(second_in_name(&frame), None, "{frame}");
+            }
+        }
     }
 }

@@ -51,7 +51,7 @@ impl fmt::Display for VideoError {
             Self::NoVideoTrack => f.write_str("has no video track"),
             Self::TooLarge([w, h]) => write!(f, "has frames of {w} x {h} pixels, more than 64 megapixels"),
             Self::Memory => f.write_str(
-                "needs more than 2 GB of memory at once; use fewer frames (a smaller --median), or a video with more key frames",
+                "needs more than 2 GB of memory at once; use fewer frames, or a video with more key frames",
             ),
             Self::TooManyFrames => f.write_str("has more than 10 million frames; cut a shorter clip"),
             Self::NoFrames => f.write_str("has no frame that can be decoded at this time; choose another time"),

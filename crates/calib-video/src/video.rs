@@ -208,8 +208,10 @@ impl Video {
                 Some(whole) => request.packets.iter().map(|packet| whole[&packet.bytes[0]].clone()).collect(),
                 None => self.read_packets(&request.packets)?,
             };
-            match self.frames_of(request, &data, &mut found) {
-                Err(error @ VideoError::Memory) => return Err(error),
+            let share = |part: f64| (index as f64 + part) / requests.len() as f64;
+            let mut decoded = |part: f64| progress(share(part));
+            match self.frames_of(request, &data, &mut found, &mut decoded) {
+                Err(error @ (VideoError::Memory | VideoError::Cancelled)) => return Err(error),
                 Err(error) => last_error = error,
                 Ok(()) => {}
             }
@@ -268,7 +270,9 @@ impl Video {
         Request { shown, numbers, .. }: &Request,
         data: &[Vec<u8>],
         found: &mut Vec<(f64, RgbImage)>,
+        progress: &mut dyn FnMut(f64) -> bool,
     ) -> Result<(), VideoError> {
+        let mut is_cancelled = false;
         let (turns, last) = (self.stream.quarter_turns, numbers.last().copied().unwrap_or(0));
         let result = without_panic(|| {
             decoder::decode(&self.stream.codec, data, &mut |index, image| {
@@ -279,11 +283,12 @@ impl Video {
                     }
                     found.push((shown[index.min(shown.len() - 1)], image));
                 }
-                if index >= last { Err(VideoError::Cancelled) } else { Ok(()) }
+                is_cancelled = index < last && !progress(index as f64 / (last + 1) as f64);
+                if index >= last || is_cancelled { Err(VideoError::Cancelled) } else { Ok(()) }
             })
         });
         match result {
-            Err(VideoError::Cancelled) => Ok(()),
+            Err(VideoError::Cancelled) if !is_cancelled => Ok(()),
             other => other,
         }
     }

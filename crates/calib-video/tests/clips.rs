@@ -55,8 +55,8 @@ fn the_median_shows_the_empty_scene() {
         let off = difference(&median.scene.image, background);
         assert!(off <= 4, "{name}: {off}");
         // The square covers a band of 16 rows.
-        let [moved, busy] = [median.scene.moved_share, median.scene.busy_share];
-        assert!((moved - 0.25).abs() < 0.03 && busy < 0.01, "{name}: {moved} {busy}");
+        let [changed, busy] = [median.scene.changed_share, median.scene.busy_share];
+        assert!((changed - 0.25).abs() < 0.03 && busy < 0.01, "{name}: {changed} {busy}");
         assert!(shares.is_sorted() && shares.last() == Some(&1.0), "{name}: {shares:?}");
     }
 }

@@ -11,13 +11,17 @@ use anyhow::bail;
 use crate::tools;
 use crate::workspace::root;
 
-/// Manifest of each program, and the path of its notices.
-const PROGRAMS: [(&str, &str); 5] = [
-    ("crates/calib-app/Cargo.toml", "crates/calib-app/assets/THIRD-PARTY.txt"),
-    ("crates/calib-cli/Cargo.toml", "crates/calib-cli/THIRD-PARTY.txt"),
-    ("crates/calib-js/Cargo.toml", "crates/calib-js/THIRD-PARTY.txt"),
-    ("crates/calib-py/Cargo.toml", "crates/calib-py/THIRD-PARTY.txt"),
-    ("crates/calib-c/Cargo.toml", "crates/calib-c/THIRD-PARTY.txt"),
+/// Target of the page.
+const PAGE_TARGET: &str = "wasm32-unknown-unknown";
+
+/// Manifest of each program, the path of its notices, and its only target; `None` for all targets.
+const PROGRAMS: [(&str, &str, Option<&str>); 6] = [
+    ("crates/calib-app/Cargo.toml", "crates/calib-app/assets/THIRD-PARTY.txt", None),
+    ("crates/calib-app/Cargo.toml", "crates/calib-app/assets/THIRD-PARTY-PAGE.txt", Some(PAGE_TARGET)),
+    ("crates/calib-cli/Cargo.toml", "crates/calib-cli/THIRD-PARTY.txt", None),
+    ("crates/calib-js/Cargo.toml", "crates/calib-js/THIRD-PARTY.txt", None),
+    ("crates/calib-py/Cargo.toml", "crates/calib-py/THIRD-PARTY.txt", None),
+    ("crates/calib-c/Cargo.toml", "crates/calib-c/THIRD-PARTY.txt", None),
 ];
 
 const ABOUT: tools::Tool = tools::Tool {
@@ -41,9 +45,10 @@ pub(crate) fn run() -> anyhow::Result<()> {
     if !tools::is_ready(&ABOUT, true) {
         bail!("cargo-about could not be installed");
     }
-    for (manifest, notices) in PROGRAMS {
+    for (manifest, notices, target) in PROGRAMS {
         let mut about = Command::new(root().join("target/tools/bin/cargo-about"));
         about.args(["generate", "--locked", "--config", "crates/xtask/notices.toml"]);
+        about.args(target.iter().flat_map(|target| ["--target", target]));
         about.args(["--manifest-path", manifest, "--output-file", notices, "crates/xtask/notices.hbs"]);
         if !about.current_dir(root()).status()?.success() {
             bail!("cargo-about failed for {manifest}");

@@ -17,7 +17,7 @@ use crate::platform::{Here, Platform as _, Task};
 use crate::state::{App, Comparing, Mode, Planning, Read, ReadPicture};
 
 /// Advice for a file that cannot be opened.
-const KNOWN_FILES: &str = "Use a site (.json), an image (such as .png or .jpg), a plan (PDF, DXF or SVG), \
+const KNOWN_FILES: &str = "Use a site (.json), an image (such as .png or .jpg), a video, a plan (PDF, DXF or SVG), \
                            a calibration from another program, or a table of points (.csv).";
 
 /// Whether a file is a world file, which georeferences a plan image.

@@ -202,7 +202,7 @@ impl App {
     }
 
     /// Starts comparing the files that are newer images of cameras, and removes them from `files`.
-    fn take_newer(&mut self, ctx: &Context, files: &mut Vec<Chosen>) {
+    pub(crate) fn take_newer(&mut self, ctx: &Context, files: &mut Vec<Chosen>) {
         let (newer, others) = std::mem::take(files).into_iter().partition(|file| self.is_newer(file));
         *files = others;
         self.add_newer(ctx, newer);

@@ -37,6 +37,8 @@ impl App {
         self.jobs.importing.clear();
         (self.jobs.replacing, self.jobs.planning, self.jobs.refining, self.dialogs.dialog) =
             (None, None, None, None);
+        self.jobs.video = None;
+        self.jobs.videos.clear();
         self.stop_comparing();
         (self.jobs.picture, self.jobs.pictured) = (None, None);
         (self.dialogs.export, self.tour) = (Sheet::default(), Tour::default());

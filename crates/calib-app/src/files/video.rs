@@ -1,10 +1,11 @@
 //! Sheet that takes an image from a video: one frame, or the scene without the objects that move.
 
-use std::sync::Arc;
 use std::time::Duration;
 
 use calib_editor::Action;
-use egui::{Align2, Color32, Context, DragValue, Frame, ProgressBar, RichText, Sense, Ui, Vec2, Window};
+use egui::{
+    Align2, Color32, Context, DragValue, Frame, ProgressBar, RichText, ScrollArea, Sense, Ui, Vec2, Window,
+};
 
 use crate::choice::Chosen;
 use crate::platform::{FrameRequest, Here, Platform as _, Task};
@@ -21,29 +22,33 @@ impl App {
         self.next_video(ctx);
     }
 
+    /// Opens the sheet for the next video, if it is closed.
     fn next_video(&mut self, ctx: &Context) {
         if self.jobs.video.is_none()
             && let Some(file) = self.jobs.videos.pop_front()
         {
-            if let Some(path) = &file.path {
-                self.allow_chosen(path);
-            }
             self.jobs.video = Some(Box::new(VideoSheet::new(ctx, file)));
         }
     }
 
-    /// Opens an image of a video. On the desktop, it is written beside the video; if that fails, it is stored in the site.
-    fn open_frame(&mut self, ctx: &Context, video: &Chosen, name: String, bytes: Vec<u8>) {
-        let path = video.path.as_ref().map(|video| video.with_file_name(&name));
-        let written = path.filter(|path| {
-            let is_same = || Here::read(path).is_ok_and(|old| old == bytes);
-            if path.exists() { is_same() } else { Here::write(path, &bytes).is_ok() }
-        });
-        let file = match written {
-            Some(path) => Chosen::of_path(path),
-            None => Chosen { name, path: None, bytes: Some(bytes) },
-        };
-        self.open_files(ctx, vec![file]);
+    /// Adds the saved image of a video as a camera, or compares it if its name says that it is a newer image.
+    fn add_frame(&mut self, ctx: &Context, sheet: &VideoSheet, image: Chosen) {
+        if Here::HAS_FOLDERS && image.path.is_none() {
+            let name = &image.name;
+            self.act(Action::AddError(format!(
+                "{name} could not be saved beside the video. It is stored in the site."
+            )));
+        }
+        if (sheet.pixel_aspect - 1.0).abs() > 1e-3 {
+            self.act(Action::Note(format!(
+                "The pixels of this video are not square. Enter \"pixel_aspect\": {:.4} in the lens of the camera in \
+                 the site file.",
+                sheet.pixel_aspect
+            )));
+        }
+        let mut files = vec![image];
+        self.take_newer(ctx, &mut files);
+        files.into_iter().for_each(|file| self.add_still(ctx, file));
     }
 }
 
@@ -51,30 +56,31 @@ impl App {
 pub(crate) fn video_ui(app: &mut App, ctx: &Context) {
     let Some(mut sheet) = app.jobs.video.take() else { return };
     sheet.poll(ctx);
-    if let Some(result) = sheet.encoding.as_ref().and_then(Task::poll) {
+    if let Some(result) = sheet.saving.as_ref().and_then(Task::poll) {
+        sheet.saving = None;
         match result {
-            Ok((name, bytes)) => {
-                app.open_frame(ctx, &sheet.file, name, bytes);
-                if (sheet.pixel_aspect - 1.0).abs() > 1e-3 {
-                    app.act(Action::Note(format!(
-                        "The pixels of this video are not square. Enter {:.4} as pixel aspect in the panel \u{201c}Lens\u{201d}.",
-                        sheet.pixel_aspect
-                    )));
-                }
+            Ok(image) => {
+                app.add_frame(ctx, &sheet, image);
+                drop(sheet);
                 return app.next_video(ctx);
             }
-            Err(error) => (sheet.encoding, sheet.error) = (None, Some(error)),
+            Err(error) => sheet.error = Some(error),
         }
     }
     let mut is_open = true;
+    let room = ctx.content_rect().size() - Vec2::new(48.0, 88.0);
     let window = Window::new("Image from a video").title_bar(false).resizable(false).default_width(WIDTH);
     window.anchor(Align2::CENTER_TOP, Vec2::new(0.0, 56.0)).show(ctx, |ui| {
-        ui.set_width(WIDTH.min(ctx.content_rect().width() - 48.0));
-        is_open = sheet_ui(&mut sheet, ui);
+        ui.set_width(WIDTH.min(room.x));
+        // Without a minimum, the height of the last frame would limit the height of this one.
+        let height = room.y.max(200.0);
+        let area = ScrollArea::vertical().max_height(height).min_scrolled_height(height);
+        area.show(ui, |ui| is_open = sheet_ui(&mut sheet, ui));
     });
     if is_open {
         app.jobs.video = Some(sheet);
     } else {
+        drop(sheet);
         app.next_video(ctx);
     }
 }
@@ -82,7 +88,7 @@ pub(crate) fn video_ui(app: &mut App, ctx: &Context) {
 /// Shows the contents of the sheet. Returns whether it stays open.
 fn sheet_ui(sheet: &mut VideoSheet, ui: &mut Ui) -> bool {
     ui.label(RichText::new(format!("Image from {}", sheet.file.name)).font(theme::medium(13.0)));
-    picture_ui(sheet, ui);
+    image_ui(sheet, ui);
     strip_ui(sheet, ui);
     if !sheet.strip.is_empty() {
         choice_ui(sheet, ui);
@@ -90,41 +96,33 @@ fn sheet_ui(sheet: &mut VideoSheet, ui: &mut Ui) -> bool {
     status_ui(sheet, ui);
     let mut is_open = true;
     ui.horizontal(|ui| {
-        let is_ready = sheet.encoding.is_none() && sheet.chosen().is_some();
+        let is_ready = sheet.saving.is_none() && sheet.chosen().is_some();
         if ui.add_enabled(is_ready, egui::Button::new("Use this image")).clicked() {
-            encode(sheet, ui.ctx());
+            sheet.save(ui.ctx());
         }
         is_open = !ui.button("Cancel").clicked();
-        if let Some(still) = sheet.chosen().filter(|_| Here::HAS_FOLDERS) {
-            let text = format!("Saves {} beside the video", sheet.name_of(still));
-            ui.label(RichText::new(text).small().color(theme::palette(ui.ctx()).text2));
-        }
     });
+    if let Some(still) = sheet.chosen().filter(|_| Here::HAS_FOLDERS) {
+        let text = format!("Saves {}.png beside the video", sheet.name_of(still));
+        ui.label(RichText::new(text).small().color(theme::palette(ui.ctx()).text2));
+    } else if !Here::HAS_FOLDERS {
+        let text = "The browser scales frames to square pixels.";
+        ui.label(RichText::new(text).small().color(theme::palette(ui.ctx()).text2));
+    }
     is_open
 }
 
-/// Starts writing the chosen image as PNG.
-fn encode(sheet: &mut VideoSheet, ctx: &Context) {
-    let Some(still) = sheet.chosen() else { return };
-    let (image, name) = (Arc::clone(&still.image), sheet.name_of(still));
-    sheet.encoding = Some(Task::spawn(ctx, move || {
-        let mut png = std::io::Cursor::new(Vec::new());
-        image.write_to(&mut png, image::ImageFormat::Png).map_err(|error| error.to_string())?;
-        Ok((name, png.into_inner()))
-    }));
-}
-
 /// Shows the chosen image, or a small frame until it is read.
-fn picture_ui(sheet: &VideoSheet, ui: &mut Ui) {
+fn image_ui(sheet: &VideoSheet, ui: &mut Ui) {
     let width = ui.available_width();
     let still = sheet.chosen().or(sheet.frame.as_ref());
-    let shown = still.map(|still| match &still.moved {
-        Some((marked, _)) if sheet.marks_moved => marked,
+    let shown = still.map(|still| match &still.changed {
+        Some((marked, _)) if sheet.marks_changed => marked,
         _ => &still.texture,
     });
     let first = sheet.strip.first().map(|(_, small)| small);
     // A wide and low screen shows the whole sheet, too.
-    let most = Vec2::new(width, (ui.ctx().content_rect().height() - 300.0).clamp(120.0, 0.6 * width));
+    let most = Vec2::new(width, (ui.ctx().content_rect().height() - 320.0).min(0.6 * width).max(120.0));
     match shown.or(first) {
         Some(texture) => {
             let size = texture.size_vec2();
@@ -148,10 +146,13 @@ fn strip_ui(sheet: &mut VideoSheet, ui: &mut Ui) {
         ui.spacing_mut().item_spacing.x = gap;
         for (time, small) in &sheet.strip {
             let is_chosen = !sheet.removes_moving && (time - sheet.time_s).abs() < 1e-9;
-            let edge = if is_chosen { palette.accent } else { Color32::TRANSPARENT };
             let size = small.size_vec2();
             let image = egui::Image::new((small.id(), size * (width / size.x))).sense(Sense::click());
-            let frame = Frame::NONE.stroke((1.0, edge)).show(ui, |ui| ui.add(image)).inner;
+            let frame = Frame::NONE.stroke((1.0, Color32::TRANSPARENT)).show(ui, |ui| ui.add(image)).inner;
+            if is_chosen || frame.has_focus() {
+                let stroke = (if frame.has_focus() { 2.0 } else { 1.0 }, palette.accent);
+                ui.painter().rect_stroke(frame.rect.expand(1.0), 2.0, stroke, egui::StrokeKind::Middle);
+            }
             let name = format!("Frame at {}", clock(*time));
             frame.widget_info(|| egui::WidgetInfo::selected(egui::Role::Button, true, is_chosen, &name));
             if frame.on_hover_text(clock(*time)).clicked() {
@@ -164,7 +165,7 @@ fn strip_ui(sheet: &mut VideoSheet, ui: &mut Ui) {
     }
 }
 
-/// Shows the time of the frame, and the choice of the empty scene.
+/// Shows the time of the frame, and the choice of the scene without moving objects.
 fn choice_ui(sheet: &mut VideoSheet, ui: &mut Ui) {
     // The last frame is shown before the end.
     let most = (sheet.duration_s - 1e-3).max(0.0);
@@ -186,14 +187,14 @@ fn choice_ui(sheet: &mut VideoSheet, ui: &mut Ui) {
         });
     });
     ui.horizontal(|ui| {
-        let choice = ui.checkbox(&mut sheet.removes_moving, "Remove what moves").on_hover_text(format!(
-            "Median of {SCENE_FRAMES} frames. People and vehicles that move disappear; lines are easier to annotate."
+        let choice = ui.checkbox(&mut sheet.removes_moving, "Remove moving objects").on_hover_text(format!(
+            "Median of {SCENE_FRAMES} frames. People and vehicles that move disappear, and hidden edges become visible."
         ));
         if choice.changed() {
             sheet.error = None;
         }
         if sheet.removes_moving && sheet.scene.is_some() {
-            ui.checkbox(&mut sheet.marks_moved, "Show what moved");
+            ui.checkbox(&mut sheet.marks_changed, "Mark changed pixels");
         }
     });
 }
@@ -204,17 +205,20 @@ fn status_ui(sheet: &VideoSheet, ui: &mut Ui) {
     const MAX_BUSY_SHARE: f64 = 0.01;
     let palette = theme::palette(ui.ctx());
     if let Some(error) = &sheet.error {
-        ui.label(RichText::new(error).color(palette.bad));
+        let shown = ui.label(RichText::new(error).color(palette.bad));
+        shown.ctx.accesskit_node_builder(shown.id, |node| node.set_live(egui::accesskit::Live::Polite));
+    } else if sheet.saving.is_some() {
+        ui.label(RichText::new("Saving the image\u{2026}").color(palette.text2));
     } else if let Some(Reading { request, progress, .. }) = &sheet.reading {
         let text = match request {
             FrameRequest::Strip(_) => "Reading the video\u{2026}",
             FrameRequest::At(_) => "Reading the frame\u{2026}",
-            FrameRequest::Spread(_) => "Reading the frames of the empty scene\u{2026}",
+            FrameRequest::Scene(_) => "Removing moving objects\u{2026}",
         };
         ui.add(ProgressBar::new(progress.share()).desired_height(14.0).text(RichText::new(text).small()));
         ui.ctx().request_repaint_after(Duration::from_millis(100));
-    } else if let Some(Still { moved: Some((_, [moved, busy])), .. }) = sheet.chosen() {
-        let mut text = format!("Something moved in {:.1} % of the image.", 100.0 * moved);
+    } else if let Some(Still { changed: Some((_, [changed, busy])), .. }) = sheet.chosen() {
+        let mut text = format!("Moving objects covered {:.1} % of the image.", 100.0 * changed);
         if *busy > MAX_BUSY_SHARE {
             text += &format!(
                 " Objects that hardly moved may be visible in {:.1} % of the image; use a longer video.",
@@ -230,6 +234,7 @@ fn status_ui(sheet: &VideoSheet, ui: &mut Ui) {
 
 /// Formats a time as seconds, or as minutes and seconds from one minute.
 fn clock(seconds: f64) -> String {
+    let seconds = (100.0 * seconds).round() / 100.0;
     if seconds < 60.0 {
         return format!("{seconds:.2} s");
     }
@@ -245,5 +250,6 @@ mod tests {
     fn times_have_minutes_from_one_minute() {
         assert_eq!(clock(12.345), "12.35 s");
         assert_eq!(clock(125.5), "2:05.50 min");
+        assert_eq!(clock(119.999), "2:00.00 min");
     }
 }

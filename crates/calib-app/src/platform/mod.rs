@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use calib_editor::{AllowedFiles, Edge, FileResult, Source};
-use calib_image::{AutomaticCalibration, Comparison, LineSegment};
+use calib_image::{AutomaticCalibration, Comparison, EmptyScene, LineSegment};
 use calib_plan::View;
 use calib_site::{NewImage, Recovered, Site, SiteCamera};
 use egui::Context;
@@ -65,8 +65,8 @@ pub(crate) enum FrameRequest {
     Strip(usize),
     /// Frame that is shown at this time, in seconds.
     At(f64),
-    /// This number of frames, evenly spaced.
-    Spread(usize),
+    /// Scene without moving objects, computed from this number of frames.
+    Scene(usize),
 }
 
 impl FrameRequest {
@@ -80,8 +80,41 @@ pub(crate) struct VideoFrames {
     pub(crate) duration_s: f64,
     /// Pixel aspect of the frames, in the sense of `lens.pixel_aspect`.
     pub(crate) pixel_aspect: f64,
-    /// Frames with their times in seconds, ascending.
-    pub(crate) frames: Vec<(f64, RgbImage)>,
+    pub(crate) content: VideoContent,
+}
+
+/// Images from a video.
+#[derive(Debug)]
+pub(crate) enum VideoContent {
+    /// Frames with the times at which they appear, in seconds, ascending.
+    Frames(Vec<(f64, RgbImage)>),
+    /// Scene without moving objects.
+    Scene(EmptyScene),
+}
+
+impl VideoContent {
+    /// Converts the frames of a request. All frames have one size.
+    pub(crate) fn new(request: FrameRequest, frames: Vec<(f64, RgbImage)>) -> Self {
+        match request {
+            FrameRequest::At(_) => Self::Frames(frames),
+            FrameRequest::Strip(_) => {
+                let small = |(time, image)| (time, shrunk(&image, FrameRequest::SMALL_SIDE).unwrap_or(image));
+                Self::Frames(frames.into_iter().map(small).collect())
+            }
+            FrameRequest::Scene(_) => {
+                let images: Vec<RgbImage> = frames.into_iter().map(|(_, image)| image).collect();
+                Self::Scene(EmptyScene::new(&images))
+            }
+        }
+    }
+}
+
+/// Returns a smaller copy of an image whose longer side is above `max_side` pixels; `None` for other images.
+pub(crate) fn shrunk(image: &RgbImage, max_side: u32) -> Option<RgbImage> {
+    let (width, height) = image.dimensions();
+    let scale = f64::from(max_side) / f64::from(width.max(height));
+    let [width, height] = [width, height].map(|side| ((f64::from(side) * scale).round() as u32).max(1));
+    (scale < 1.0).then(|| image::imageops::thumbnail(image, width, height))
 }
 
 /// Progress of work on a video, and its cancellation.
@@ -104,7 +137,7 @@ impl Progress {
         !self.is_cancelled.load(Ordering::Relaxed)
     }
 
-    /// Asks the work to stop.
+    /// Cancels the work.
     pub(crate) fn cancel(&self) {
         self.is_cancelled.store(true, Ordering::Relaxed);
     }
@@ -121,6 +154,8 @@ pub(crate) trait Platform {
     const HAS_FOLDERS: bool;
     /// Font of headings.
     const MEDIUM_FONT: &'static [u8];
+    /// Licence notices of the crates in the program.
+    const NOTICES: &'static str;
     /// Lock of an autosave folder; dropping the lock releases the folder.
     type Claim: std::fmt::Debug;
 
@@ -200,13 +235,17 @@ pub(crate) trait Platform {
         then: impl FnOnce(&[u8], DecodedImage, Option<Vec<u8>>) -> T + Send + 'static,
     ) -> Task<Result<T, String>>;
 
-    /// Reads frames of a video.
+    /// Reads frames of a video. The first request for a video is the strip; the browser then keeps the video until
+    /// [`Self::close_video`].
     fn frames(
         ctx: &Context,
         file: &Chosen,
         request: FrameRequest,
         progress: &Arc<Progress>,
     ) -> Task<Result<VideoFrames, String>>;
+
+    /// Releases the video that the browser keeps.
+    fn close_video();
 
     /// Detects the straight edges of an image.
     fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>>;

@@ -6,6 +6,7 @@ use egui::{Align2, Context, Key, RichText, ScrollArea, TextEdit, Ui, Vec2, Windo
 use crate::command::{self, Command};
 use crate::handles::shortcut_text;
 use crate::keys;
+use crate::platform::{Here, Platform as _};
 use crate::state::App;
 use crate::theme;
 
@@ -220,8 +221,8 @@ fn about(app: &mut App, ctx: &Context) {
 
 /// Shows the licence notices of third parties; only visible lines are laid out.
 fn notices(ui: &mut Ui) {
-    const NOTICES: &str = include_str!("../../assets/THIRD-PARTY.txt");
-    static LINES: std::sync::LazyLock<Vec<&str>> = std::sync::LazyLock::new(|| NOTICES.lines().collect());
+    static LINES: std::sync::LazyLock<Vec<&str>> =
+        std::sync::LazyLock::new(|| Here::NOTICES.lines().collect());
     let height = ui.text_style_height(&egui::TextStyle::Small);
     ScrollArea::both().max_height(280.0).auto_shrink([false, false]).show_rows(
         ui,

@@ -356,6 +356,7 @@ impl App {
         let was_asked = self.dialogs.conflict.take().is_some()
             | self.dialogs.path_field.take().is_some()
             | self.jobs.video.take().is_some()
+            | !std::mem::take(&mut self.jobs.videos).is_empty()
             | !self.dialogs.outside.asked.is_empty();
         if !self.dialogs.outside.asked.is_empty() {
             self.decide_outside(false);

@@ -9,7 +9,9 @@ use egui::{ColorImage, Context, TextureHandle, TextureOptions};
 use image::RgbImage;
 
 use crate::choice::Chosen;
-use crate::platform::{FrameRequest, Here, Platform as _, Progress, Task, VideoFrames};
+use crate::platform::{
+    FrameRequest, Here, Lost, Platform as _, Progress, Task, VideoContent, VideoFrames, shrunk,
+};
 
 /// Number of small frames in the strip.
 const STRIP_FRAMES: usize = 8;
@@ -26,16 +28,16 @@ pub(crate) struct VideoSheet {
     pub(crate) pixel_aspect: f64,
     /// Time of the chosen frame, in seconds.
     pub(crate) time_s: f64,
-    /// Whether the empty scene is chosen instead of one frame.
+    /// Whether the scene without moving objects is chosen instead of one frame.
     pub(crate) removes_moving: bool,
-    /// Whether the pixels that something covered are marked.
-    pub(crate) marks_moved: bool,
+    /// Whether the pixels that moving objects covered are marked.
+    pub(crate) marks_changed: bool,
     pub(crate) frame: Option<Still>,
     pub(crate) scene: Option<Still>,
     pub(crate) reading: Option<Reading>,
     pub(crate) error: Option<String>,
-    /// Image that is being written as PNG: name of the file, and its bytes.
-    pub(crate) encoding: Option<Task<Result<(String, Vec<u8>), String>>>,
+    /// Image that is being saved.
+    pub(crate) saving: Option<Task<Result<Chosen, String>>>,
 }
 
 impl std::fmt::Debug for VideoSheet {
@@ -49,16 +51,17 @@ impl std::fmt::Debug for VideoSheet {
 
 /// Image that can be used.
 pub(crate) struct Still {
-    /// Time of the frame, in seconds; `None` for the empty scene.
-    pub(crate) time_s: Option<f64>,
+    /// Time at which the frame was requested, and time at which it appears, in seconds. `None` for the scene without moving
+    /// objects.
+    pub(crate) times_s: Option<[f64; 2]>,
     pub(crate) image: Arc<RgbImage>,
     pub(crate) texture: TextureHandle,
-    /// The image with the covered pixels marked, and the shares of the pixels that something covered in some of the
-    /// frames and in a third of them.
-    pub(crate) moved: Option<(TextureHandle, [f64; 2])>,
+    /// The image with the changed pixels marked. Also the shares of the pixels that moving objects covered in some of the
+    /// frames, and in a third of them.
+    pub(crate) changed: Option<(TextureHandle, [f64; 2])>,
 }
 
-/// Reading of frames that is running. Dropping it cancels the work.
+/// Reading of frames that is running. Dropping it cancels the work after the current frame.
 pub(crate) struct Reading {
     pub(crate) request: FrameRequest,
     pub(crate) progress: Arc<Progress>,
@@ -81,14 +84,16 @@ impl VideoSheet {
             pixel_aspect: 1.0,
             time_s: 0.0,
             removes_moving: false,
-            marks_moved: false,
+            marks_changed: false,
             frame: None,
             scene: None,
             reading: None,
             error: None,
-            encoding: None,
+            saving: None,
         };
         sheet.read(ctx, FrameRequest::Strip(STRIP_FRAMES));
+        // The browser has its own copy now.
+        sheet.file.bytes = None;
         sheet
     }
 
@@ -102,58 +107,55 @@ impl VideoSheet {
 
     /// Takes the frames that were read, and starts reading the chosen image if it is missing.
     pub(crate) fn poll(&mut self, ctx: &Context) {
-        if let Some(result) =
-            self.reading.as_ref().and_then(|reading| Some((reading.request, reading.task.poll()?)))
-        {
+        let outcome =
+            self.reading.as_ref().and_then(|reading| Some((reading.request, reading.task.outcome()?)));
+        if let Some((request, outcome)) = outcome {
             self.reading = None;
-            match result {
-                (request, Ok(found)) => self.take(ctx, request, found),
-                (_, Err(error)) => self.error = Some(error),
+            match outcome {
+                Ok(Ok(found)) => self.take(ctx, request, found),
+                Ok(Err(error)) => self.error = Some(format!("{} {error}.", self.file.name)),
+                Err(Lost) => self.error = Some("Internal error; please report this.".into()),
             }
         }
         if self.error.is_some() || self.strip.is_empty() {
             return;
         }
-        let is_read = |request| self.reading.as_ref().is_some_and(|reading| reading.request == request);
+        let is_requested = |request| self.reading.as_ref().is_some_and(|reading| reading.request == request);
         let request = if self.removes_moving {
-            self.scene.is_none().then_some(FrameRequest::Spread(SCENE_FRAMES))
+            self.scene.is_none().then_some(FrameRequest::Scene(SCENE_FRAMES))
         } else {
-            let is_shown = self.frame.as_ref().is_some_and(|frame| frame.time_s == Some(self.time_s));
-            (!is_shown).then_some(FrameRequest::At(self.time_s))
+            self.chosen().is_none().then_some(FrameRequest::At(self.time_s))
         };
         // A frame that is being decoded is shown before the next one is read, so that the image follows the slider.
         let is_decoding =
             self.reading.as_ref().is_some_and(|reading| matches!(reading.request, FrameRequest::At(_)));
         match request {
             Some(FrameRequest::At(_)) if is_decoding => {}
-            Some(request) if !is_read(request) => self.read(ctx, request),
+            Some(request) if !is_requested(request) => self.read(ctx, request),
             _ => {}
         }
     }
 
     /// Stores frames that were read.
     fn take(&mut self, ctx: &Context, request: FrameRequest, found: VideoFrames) {
-        let VideoFrames { duration_s, pixel_aspect, frames } = found;
-        (self.duration_s, self.pixel_aspect) = (duration_s, pixel_aspect);
-        match request {
-            FrameRequest::Strip(_) => {
+        (self.duration_s, self.pixel_aspect) = (found.duration_s, found.pixel_aspect);
+        match (request, found.content) {
+            (FrameRequest::At(requested), VideoContent::Frames(frames)) => {
+                let Some((time, image)) = frames.into_iter().next() else { return };
+                let texture = texture(ctx, &image);
+                let times_s = Some([requested, time]);
+                self.frame = Some(Still { times_s, image: Arc::new(image), texture, changed: None });
+            }
+            (_, VideoContent::Frames(frames)) => {
                 let small = |(time, image): (f64, RgbImage)| (time, texture(ctx, &image));
                 self.strip = frames.into_iter().map(small).collect();
                 self.time_s = self.strip.first().map_or(0.0, |(time, _)| *time);
             }
-            FrameRequest::At(asked) => {
-                let Some((_, image)) = frames.into_iter().next() else { return };
+            (_, VideoContent::Scene(EmptyScene { image, changed, changed_share, busy_share })) => {
+                let marked = texture(ctx, &marked(&image, &changed));
                 let texture = texture(ctx, &image);
-                self.frame =
-                    Some(Still { time_s: Some(asked), image: Arc::new(image), texture, moved: None });
-            }
-            FrameRequest::Spread(_) => {
-                let images: Vec<RgbImage> = frames.into_iter().map(|(_, image)| image).collect();
-                let EmptyScene { image, moved, moved_share, busy_share } = EmptyScene::new(&images);
-                let marked = texture(ctx, &marked(&image, &moved));
-                let texture = texture(ctx, &image);
-                let moved = Some((marked, [moved_share, busy_share]));
-                self.scene = Some(Still { time_s: None, image: Arc::new(image), texture, moved });
+                let changed = Some((marked, [changed_share, busy_share]));
+                self.scene = Some(Still { times_s: None, image: Arc::new(image), texture, changed });
             }
         }
     }
@@ -163,33 +165,80 @@ impl VideoSheet {
         if self.removes_moving {
             return self.scene.as_ref();
         }
-        self.frame.as_ref().filter(|frame| frame.time_s == Some(self.time_s))
+        let is_chosen = |frame: &&Still| frame.times_s.is_some_and(|[requested, _]| requested == self.time_s);
+        self.frame.as_ref().filter(is_chosen)
     }
 
-    /// Returns the name of the file of an image.
+    /// Returns the file name of an image, without an ending.
     pub(crate) fn name_of(&self, still: &Still) -> String {
         let stem = Path::new(&self.file.name)
             .file_stem()
             .map_or_else(String::new, |stem| stem.to_string_lossy().into());
-        match still.time_s {
-            Some(time) => format!("{}.png", frame_name(&stem, time)),
-            None => format!("{stem} empty.png"),
+        match still.times_s {
+            Some([_, time]) => frame_name(&stem, time),
+            None => format!("{stem} empty"),
         }
+    }
+
+    /// Starts saving the chosen image as PNG: beside the video, or in memory if there is no folder.
+    pub(crate) fn save(&mut self, ctx: &Context) {
+        let Some(still) = self.chosen() else { return };
+        let (image, name) = (Arc::clone(&still.image), self.name_of(still));
+        let video = self.file.path.clone();
+        self.saving = Some(Task::spawn(ctx, move || {
+            let mut png = std::io::Cursor::new(Vec::new());
+            image.write_to(&mut png, image::ImageFormat::Png).map_err(|error| error.to_string())?;
+            Ok(saved(video.as_deref(), &name, png.into_inner()))
+        }));
     }
 }
 
-/// Uploads an image.
+impl Drop for VideoSheet {
+    fn drop(&mut self) {
+        Here::close_video();
+    }
+}
+
+/// Writes an image beside its video. A number follows the name if another file has it. The image stays in memory if it
+/// cannot be written.
+fn saved(video: Option<&Path>, name: &str, png: Vec<u8>) -> Chosen {
+    const MAX_NUMBER: u32 = 100;
+    let named = |number: u32| match number {
+        1 => format!("{name}.png"),
+        number => format!("{name}-{number}.png"),
+    };
+    let paths =
+        video.into_iter().flat_map(|video| (1..MAX_NUMBER).map(move |k| video.with_file_name(named(k))));
+    for path in paths {
+        if !path.exists() {
+            match Here::write(&path, &png) {
+                Ok(()) => return Chosen::of_path(path),
+                Err(_) => break,
+            }
+        }
+        if Here::read(&path).is_ok_and(|old| old == png) {
+            return Chosen::of_path(path);
+        }
+    }
+    Chosen { name: named(1), path: None, bytes: Some(png) }
+}
+
+/// Uploads an image, at a size that every graphics card supports.
 fn texture(ctx: &Context, image: &RgbImage) -> TextureHandle {
+    /// Longest side of the texture, in pixels.
+    const MAX_SIDE: u32 = 1280;
+    let smaller = shrunk(image, MAX_SIDE);
+    let image = smaller.as_ref().unwrap_or(image);
     let [width, height] = [image.width(), image.height()].map(|side| side as usize);
     let pixels = ColorImage::from_rgb([width, height], image.as_raw());
     ctx.load_texture("video", pixels, TextureOptions::LINEAR)
 }
 
 /// Returns the image with some pixels tinted.
-fn marked(image: &RgbImage, moved: &[bool]) -> RgbImage {
+fn marked(image: &RgbImage, changed: &[bool]) -> RgbImage {
     const TINT: [u8; 3] = [255, 96, 0];
     let mut marked = image.clone();
-    for (pixel, _) in marked.pixels_mut().zip(moved).filter(|(_, moved)| **moved) {
+    for (pixel, _) in marked.pixels_mut().zip(changed).filter(|(_, changed)| **changed) {
         for (value, tint) in pixel.0.iter_mut().zip(TINT) {
             *value = value.midpoint(tint);
         }
@@ -202,7 +251,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_moved_pixels_are_marked() {
+    fn only_changed_pixels_are_marked() {
         let image = RgbImage::from_pixel(2, 1, image::Rgb([100, 100, 100]));
         assert_eq!(marked(&image, &[false, true]).as_raw(), &[100, 100, 100, 177, 98, 50]);
     }

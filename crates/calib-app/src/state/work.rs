@@ -71,8 +71,7 @@ impl App {
         self.act(Action::Note(match count {
             0 => "Cancelled. Use \u{201c}Reload images and detect edges again\u{201d} to continue.".into(),
             count => {
-                let images = calib_site::counted(count, "image", "images");
-                format!("Cancelled; not added: {images}. Add images again if needed.")
+                format!("Cancelled. Files not read: {count}. Add them again if needed.")
             }
         }));
     }

@@ -25,6 +25,7 @@ impl Platform for Native {
     const KEEPS_CTRL_N: bool = false;
     const HAS_FOLDERS: bool = true;
     const MEDIUM_FONT: &'static [u8] = include_bytes!("../../../assets/IBMPlexSans-Medium.ttf");
+    const NOTICES: &'static str = include_str!("../../../assets/THIRD-PARTY.txt");
     type Claim = files::Claim;
 
     fn wants_stillness() -> bool {
@@ -113,6 +114,9 @@ impl Platform for Native {
     ) -> Task<Result<VideoFrames, String>> {
         task::frames(ctx, file, request, progress)
     }
+
+    // Every request opens the file.
+    fn close_video() {}
 
     fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>> {
         task::find_edges(ctx, image)

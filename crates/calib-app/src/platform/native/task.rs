@@ -15,7 +15,7 @@ use image::{ImageFormat, RgbImage};
 use crate::choice::Chosen;
 use crate::drawing::DecodedImage;
 use crate::platform::native::files;
-use crate::platform::{FrameRequest, Lost, Progress, Recovery, Stills, VideoFrames};
+use crate::platform::{FrameRequest, Lost, Progress, Recovery, Stills, VideoContent, VideoFrames};
 
 /// Task in the background and its result. A task that is dropped before its start is not started.
 #[derive(Debug)]
@@ -179,36 +179,19 @@ fn read_frames(file: Chosen, request: FrameRequest, progress: &Progress) -> Resu
         (Some(path), _) => Video::open(BufReader::new(File::open(path)?))?,
         (None, bytes) => Video::open(Cursor::new(bytes.unwrap_or_default()))?,
     };
-    let mut report = |share| progress.report(share);
-    let frames = match request {
-        FrameRequest::At(time) => vec![video.frame_at(time)?],
-        FrameRequest::Strip(count) | FrameRequest::Spread(count) => {
-            let times = video.spread_times(count);
-            video.frames_at(&times, &mut report)?
-        }
+    let times = match request {
+        FrameRequest::At(time) => vec![time],
+        FrameRequest::Strip(count) | FrameRequest::Scene(count) => video.spread_times(count),
     };
-    let is_small = matches!(request, FrameRequest::Strip(_));
-    let shown = |(time, image): (f64, RgbImage)| (time, if is_small { small(&image) } else { image });
+    let mut frames = video.frames_at(&times, &mut |share| progress.report(share))?;
+    // The size may change within a recording.
+    let size = frames.first().map(|(_, image)| image.dimensions());
+    frames.retain(|(_, image)| Some(image.dimensions()) == size);
     Ok(VideoFrames {
         duration_s: video.duration_s(),
         pixel_aspect: video.pixel_aspect(),
-        frames: one_size(frames).into_iter().map(shown).collect(),
+        content: VideoContent::new(request, frames),
     })
-}
-
-/// Returns the frames that have the size of the first one. The size may change within a recording.
-fn one_size(mut frames: Vec<(f64, RgbImage)>) -> Vec<(f64, RgbImage)> {
-    let size = frames.first().map(|(_, image)| image.dimensions());
-    frames.retain(|(_, image)| Some(image.dimensions()) == size);
-    frames
-}
-
-/// Returns a smaller copy of a frame.
-fn small(image: &RgbImage) -> RgbImage {
-    let [width, height] = [image.width(), image.height()];
-    let scale = (f64::from(FrameRequest::SMALL_SIDE) / f64::from(width.max(height))).min(1.0);
-    let [width, height] = [width, height].map(|side| ((f64::from(side) * scale).round() as u32).max(1));
-    image::imageops::thumbnail(image, width, height)
 }
 
 pub(super) fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>> {

@@ -21,7 +21,9 @@ use wasm_bindgen_futures::JsFuture;
 
 use crate::choice::{Chosen, Purpose};
 use crate::drawing::DecodedImage;
-use crate::platform::{Answer, FrameRequest, Platform, Progress, Recovery, Stills, VideoFrames};
+use crate::platform::{
+    Answer, FrameRequest, Platform, Progress, Recovery, Stills, VideoContent, VideoFrames,
+};
 
 pub use task::Task;
 
@@ -36,6 +38,7 @@ impl Platform for Web {
     const HAS_FOLDERS: bool = false;
     // Headings use the regular font, which keeps the page small.
     const MEDIUM_FONT: &'static [u8] = include_bytes!("../../../assets/IBMPlexSans-Regular.ttf");
+    const NOTICES: &'static str = include_str!("../../../assets/THIRD-PARTY-PAGE.txt");
     // The database of the browser needs no locks.
     type Claim = ();
 
@@ -143,9 +146,15 @@ impl Platform for Web {
         request: FrameRequest,
         progress: &Arc<Progress>,
     ) -> Task<Result<VideoFrames, String>> {
-        let bytes = Uint8Array::from(file.bytes.as_deref().unwrap_or_default());
+        if let Some(bytes) = file.bytes.as_deref().filter(|_| matches!(request, FrameRequest::Strip(_))) {
+            page::open_video(&Uint8Array::from(bytes));
+        }
         let progress = Arc::clone(progress);
-        Task::wait(ctx, async move { frames(&bytes, request, progress).await })
+        Task::wait(ctx, async move { frames(request, progress).await })
+    }
+
+    fn close_video() {
+        page::close_video();
     }
 
     fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>> {
@@ -229,16 +238,12 @@ pub(crate) async fn read_all(files: &js_sys::Array) -> Vec<Chosen> {
     chosen
 }
 
-/// Reads frames of a video with the decoder of the browser, which shows every frame with square pixels.
-async fn frames(
-    bytes: &Uint8Array,
-    request: FrameRequest,
-    progress: Arc<Progress>,
-) -> Result<VideoFrames, String> {
+/// Reads frames of the open video with the decoder of the browser, which scales every frame to square pixels.
+async fn frames(request: FrameRequest, progress: Arc<Progress>) -> Result<VideoFrames, String> {
     let (time, count, side) = match request {
         FrameRequest::At(time) => (time, 1, 0),
         FrameRequest::Strip(count) => (-1.0, count, FrameRequest::SMALL_SIDE),
-        FrameRequest::Spread(count) => (-1.0, count, 0),
+        FrameRequest::Scene(count) => (-1.0, count, 0),
     };
     let found = Rc::new(RefCell::new(Vec::new()));
     let all = Rc::clone(&found);
@@ -251,13 +256,12 @@ async fn frames(
             progress.report(all.len() as f64 / count as f64)
         },
     );
-    let read = page::frames(bytes, time, count as u32, side, take.as_ref().unchecked_ref());
+    let read = page::frames(time, count as u32, side, take.as_ref().unchecked_ref());
     let duration = JsFuture::from(read).await.map_err(|error| said(&error))?;
-    Ok(VideoFrames {
-        duration_s: duration.as_f64().unwrap_or_default(),
-        pixel_aspect: 1.0,
-        frames: found.take(),
-    })
+    // The sheet shows the end of the progress before the median is computed.
+    breath().await;
+    let content = VideoContent::new(request, found.take());
+    Ok(VideoFrames { duration_s: duration.as_f64().unwrap_or_default(), pixel_aspect: 1.0, content })
 }
 
 /// Rasterises an SVG on white; returns a PNG.

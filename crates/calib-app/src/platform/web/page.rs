@@ -110,12 +110,20 @@ extern "C" {
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn draw(bytes: &Uint8Array, side: u32) -> Promise;
 
-    /// Reads frames of a video with the decoder of the browser: the frame at `time`, in seconds, or `count` frames evenly
-    /// spread if `time` is negative. The longer side of a frame is at most `side` pixels, unless `side` is 0. `each` gets
-    /// the time, width, height and RGBA pixels of every frame, and returns whether to continue. The promise resolves
-    /// to the duration in seconds.
+    /// Opens a video with the decoder of the browser, and closes the video before it.
+    #[wasm_bindgen(js_namespace = calib, js_name = openVideo)]
+    pub(crate) fn open_video(bytes: &Uint8Array);
+
+    /// Releases the open video.
+    #[wasm_bindgen(js_namespace = calib, js_name = closeVideo)]
+    pub(crate) fn close_video();
+
+    /// Reads frames of the open video: the frame at `time`, in seconds, or `count` frames evenly spread if `time` is
+    /// negative. The longer side of a frame is at most `side` pixels, unless `side` is 0. `each` gets the time, width,
+    /// height and RGBA pixels of every frame, and returns whether to continue. The promise resolves to the duration in
+    /// seconds.
     #[wasm_bindgen(js_namespace = calib)]
-    pub(crate) fn frames(bytes: &Uint8Array, time: f64, count: u32, side: u32, each: &Function) -> Promise;
+    pub(crate) fn frames(time: f64, count: u32, side: u32, each: &Function) -> Promise;
 
     /// Stops the worker that does this kind of work.
     #[wasm_bindgen(js_namespace = calib)]
