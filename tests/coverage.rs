@@ -211,7 +211,8 @@ fn periods_and_groups_of_cameras_are_not_mixed() {
     scratch.calib(&["coverage", "groups.json", "-o", "groups.html"]).expect_code(0);
     let page = std::fs::read_to_string(scratch.path("groups.html")).unwrap();
     assert!(
-        page.contains("Left out") && page.contains("a, b"),
+        page.contains("Cameras without a position relative to the others are left out: a, b")
+            && page.contains("a, b"),
         "the page does not name the cameras left out"
     );
     let measure = [

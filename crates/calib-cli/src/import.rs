@@ -249,7 +249,9 @@ fn collect_files(
         let bytes: usize = found.iter().map(|file| file.bytes.len()).sum();
         if found.len() > MAX_FILES || bytes > MAX_FOLDER_BYTES {
             let most = MAX_FOLDER_BYTES >> 20;
-            let what = format!("more than the limit of {MAX_FILES} files or {most} MiB");
+            let what = format!(
+                "contains more than {MAX_FILES} files or {most} MiB of data; import a smaller folder"
+            );
             return Err(CommandError::invalid(folder.display(), what));
         }
     }

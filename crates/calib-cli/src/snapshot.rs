@@ -68,7 +68,12 @@ pub(crate) fn read(address: &str, args: &SnapshotArgs) -> Result<(Vec<u8>, RgbIm
         Some(credentials) => Some(credentials),
         None => read_credentials(args)?,
     };
-    let uri: Uri = address.parse().map_err(|_| invalid(&address, "is not a complete address"))?;
+    let uri: Uri = address.parse().map_err(|_| {
+        invalid(
+            &address,
+            "is not a valid address. Use an address such as http://192.168.1.10/snapshot.jpg, without spaces",
+        )
+    })?;
     if !matches!(uri.scheme_str(), Some("http" | "https")) {
         let what = "is not an http or https address. Use the snapshot address of the camera (see its manual), \
                     or save one frame, for example with `ffmpeg -i ADDRESS -frames:v 1 still.png`";

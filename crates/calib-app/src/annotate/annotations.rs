@@ -285,7 +285,7 @@ fn point_rows(app: &App, ui: &mut Ui, line: &Line<'_>) {
             let text =
                 RichText::new(number(px, 1)).small().color(theme::residual(palette, px.abs() / line.sigma));
             let label = ui.label(text);
-            let words = format!("Point {} is {} px off the straight line", index + 1, number(px, 1));
+            let words = format!("Point {} is {} px off the straight line", index + 1, number(px.abs(), 1));
             label.widget_info(|| WidgetInfo::labeled(Role::Label, true, &words));
             label.on_hover_text(words);
         }

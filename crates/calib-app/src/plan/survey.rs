@@ -110,7 +110,9 @@ fn limits_ui(app: &mut App, ui: &mut Ui) {
             let mut limits = limits;
             limits.0[level as usize] = limit;
             let entry = (limits != LevelLimits::default()).then(|| LevelLimitsEntry::from(limits));
-            change(app, format!("change the limit of {}", level.name()), |site| site.level_px_per_m = entry);
+            change(app, format!("change the pixel density limit \"{}\"", level.name()), |site| {
+                site.level_px_per_m = entry
+            });
         }
     });
 }

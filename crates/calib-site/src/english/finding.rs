@@ -320,10 +320,10 @@ fn unknown_slope(usual: f64, sloping: Option<f64>) -> String {
         Some(sloping) => {
             format!("but only to \u{b1} {:.1} % on ground that rises by 6 %", 100.0 * sloping)
         }
-        None => "and unknown on ground that rises by 6 %".into(),
+        None => "but their accuracy is unknown on ground that rises by 6 %".into(),
     };
     format!(
-        "Floor lengths depend on the slope of the ground: they are accurate to \u{b1} {usual:.1} % on nearly level \
+        "Floor lengths depend on the slope of the ground. They are accurate to \u{b1} {usual:.1} % on nearly level \
          ground, {sloping}."
     )
 }

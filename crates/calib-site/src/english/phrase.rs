@@ -19,10 +19,10 @@ impl Site {
             entry.solution.as_ref().filter(|_| entry.camera().is_some() && !self.scale_is_known(entry))?;
         let height = solution.position_m.filter(|_| solution.has_warning(Code::ScaleAssumed));
         let assumed = height.map_or_else(String::new, |position| {
-            format!(" A camera height of {} is assumed.", self.units.length(position.z, 2))
+            format!(" (assumed camera height: {})", self.units.length(position.z, 2))
         });
         Some(format!(
-            "camera \"{}\": the scale is unknown, so all lengths can be wrong by a common factor.{assumed} Enter a height or a length.",
+            "camera \"{}\": the scale is unknown{assumed}, so all lengths can be wrong by a common factor. Enter a height or a length.",
             entry.id
         ))
     }
