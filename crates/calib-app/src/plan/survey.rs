@@ -111,7 +111,7 @@ fn limits_ui(app: &mut App, ui: &mut Ui) {
             limits.0[level as usize] = limit;
             let entry = (limits != LevelLimits::default()).then(|| LevelLimitsEntry::from(limits));
             change(app, format!("change the pixel density limit \"{}\"", level.name()), |site| {
-                site.level_px_per_m = entry
+                site.level_px_per_m = entry;
             });
         }
     });

@@ -471,6 +471,50 @@ async function drawing() {
   await desk.context.close();
 }
 
+/** Takes a frame and the scene without moving objects from a video, with the decoder of the browser. */
+async function video() {
+  const desk = await Desk.open(browser, `${address}?test=1`);
+  const clip = readFileSync(new URL("../../../calib-video/tests/clips/h264.mp4", import.meta.url));
+  const open = (name, bytes = clip) => desk.drop([[name, "video/mp4", bytes]]);
+  /** Brightness of the square and of the background in the image of a camera. */
+  const pixels = async (index, points) => {
+    const saved = path.join(scratch, `video-${index}.json`);
+    await desk.download(() => desk.page.keyboard.press("Control+s"), saved);
+    return desk.page.evaluate(async ([image, points]) => {
+      const picture = Object.assign(new Image(), { src: image });
+      await picture.decode();
+      const canvas = Object.assign(document.createElement("canvas"), { width: picture.width, height: picture.height });
+      const pen = canvas.getContext("2d", { willReadFrequently: true });
+      pen.drawImage(picture, 0, 0);
+      return points.map(([x, y]) => pen.getImageData(x, y, 1, 1).data[1]);
+    }, [JSON.parse(readFileSync(saved, "utf8")).cameras[index].image, points]);
+  };
+  await open("door_20260501_083005.mp4");
+  await desk.place("Frame at 1.");
+  await desk.picture("video");
+  await desk.press("Use this image");
+  const first = await desk.until("a camera", (state) => state.site.cameras?.length === 1);
+  assert.match(first.site.cameras[0].id, /^door_20260501_08300\d\.\d{3}$/);
+  assert.deepEqual(first.site.cameras[0].size_px, [96, 64]);
+  await desk.settled();
+  await open("yard.mp4");
+  await desk.press("Remove moving objects");
+  await desk.press("Mark changed pixels");
+  await desk.picture("video-empty");
+  await desk.press("Use this image");
+  await desk.until("two cameras", (state) => state.site.cameras?.length === 2);
+  await desk.settled();
+  // The square moves through the rows 24 to 40; the background has the brightness 40 + x + y / 2.
+  for (const [k, value] of (await pixels(1, [[20, 32], [60, 32]])).entries()) {
+    assert(Math.abs(value - [76, 116][k]) <= 8, `background ${value}`);
+  }
+  await open("cut.mp4", clip.subarray(0, 600));
+  await desk.place("cut.mp4 cannot be decoded");
+  await desk.key("Escape");
+  desk.fine();
+  await desk.context.close();
+}
+
 /** Tests touch: a long press is a right click, and two fingers zoom. */
 async function touch() {
   const desk = await Desk.open(browser, `${address}?test=1`, { touch: true, size: [1024, 768] });
@@ -577,6 +621,7 @@ await step("versions", versions);
 await step("refine", refine);
 await step("propose", propose);
 await step("drawing", drawing);
+await step("video", video);
 await step("touch", touch);
 await step("forbidden", forbidden);
 await step("unable", unable);

@@ -4,11 +4,13 @@
 //! Each error is an unknown with a normal prior of mean 0. It is eliminated like the other nuisance
 //! parameters:
 //!
-//! - The floor normal deviates from the vertical by two small angles, `N(0, floor_tilt^2)` each: posts are plumb,
-//! but floors slope. The base system follows the floor, because trackers work on the floor. - A floor with marks of
-//! equal length has an additional slope across the marks, `N(0, crossfall^2)` (`crossfall.rs`). - A right angle is
-//! 90 degrees plus `N(0, angle^2)`. - The elevation of an annotated direction above the floor plane is `N(0, (angle
-//! / 4)^2)`. - The log of a length differs from that of its group by `N(0, length^2)`.
+//! - The floor normal deviates from the vertical by two small angles, `N(0, floor_tilt^2)` each: posts are
+//!   plumb, but floors slope. The base system follows the floor, because trackers work on the floor.
+//! - A floor with marks of equal length has an additional slope across the marks, `N(0, crossfall^2)`
+//!   (`crossfall.rs`).
+//! - A right angle is 90 degrees plus `N(0, angle^2)`.
+//! - The elevation of an annotated direction above the floor plane is `N(0, (angle / 4)^2)`.
+//! - The log of a length differs from that of its group by `N(0, length^2)`.
 //!
 //! # Sources of the numbers
 //!
