@@ -16,7 +16,7 @@ const MAX_TEXT_BYTES: u64 = 1 << 20;
 pub(crate) struct PlanFile {
     pub(crate) path: PathBuf,
     pub(crate) bytes: Vec<u8>,
-    /// Position on the map, and the name of the file that contains it (GeoTIFF or world file).
+    /// Position on the map, and the name of the file that contains it (`GeoTIFF` or world file).
     position: Option<(ImagePosition, String)>,
     /// Text of the KML file with the ground overlay. Its position is computed later, because it depends on the size
     /// of the image.

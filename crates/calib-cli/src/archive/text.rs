@@ -38,7 +38,7 @@ impl CsvText {
                 "cells are separated by semicolons; a comma in a number is read as a decimal separator",
             ),
             b'\t' => {
-                notes.push("cells are separated by tabs; a comma in a number is read as a decimal separator")
+                notes.push("cells are separated by tabs; a comma in a number is read as a decimal separator");
             }
             _ => {}
         }
