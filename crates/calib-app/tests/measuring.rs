@@ -209,7 +209,7 @@ fn speed_between_two_images_has_the_times_of_their_names() {
     let found = desk.harness.state().editor.session();
     let solved = found.solved.write_into(&found.site);
     assert!((solved.measure(speed).unwrap().value - expected).abs() < 0.02 * expected);
-    assert!(desk.words().iter().any(|word| word.starts_with("The times are whole seconds")));
+    assert!(desk.words().iter().any(|word| word.starts_with("The times are in whole seconds")));
 }
 
 /// Writes a JPEG file with a capture time in its EXIF data.

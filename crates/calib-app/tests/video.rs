@@ -123,6 +123,10 @@ fn several_videos_are_opened_one_after_the_other() {
     wait_for(&mut desk, "beside the video");
     desk.harness.get_by_label("Cancel").click();
     wait_for(&mut desk, "Image from h265.mp4");
+    open(&mut desk, &scratch, &["h264.mp4"]);
+    wait_for(&mut desk, "beside the video");
+    desk.key(Key::Escape);
+    wait_for(&mut desk, "Image from h264.mp4");
     use_image(&mut desk, 1);
     assert!(desk.words().iter().all(|word| !word.contains("Image from")));
     desk.undo();
@@ -144,4 +148,21 @@ fn a_damaged_video_is_refused_and_escape_closes_the_sheet() {
     desk.harness.run_steps(2);
     assert!(desk.words().iter().all(|word| !word.contains("Image from")));
     assert!(desk.site().cameras.is_empty());
+}
+
+#[test]
+fn a_lens_is_imported_after_the_image_of_the_video() {
+    let scratch = Scratch::new();
+    scratch.write("yard.mp4", CLIPS[0].1);
+    scratch.write(
+        "yard.yml",
+        "%YAML:1.0\n---\nimage_width: 96\nimage_height: 64\n\
+         camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 80., 0., 48., 0., 80., 32., 0., 0., 1. ]\n\
+         distortion_coefficients: !!opencv-matrix\n   rows: 1\n   cols: 5\n   dt: d\n   data: [ -0.1, 0.01, 0., 0., 0. ]\n",
+    );
+    let mut desk = Desk::new(Site::new());
+    open(&mut desk, &scratch, &["yard.mp4", "yard.yml"]);
+    use_image(&mut desk, 1);
+    desk.wait(|app| app.editor.site().cameras.iter().any(|camera| camera.lens.is_some()));
+    assert_eq!(desk.site().cameras.len(), 1);
 }

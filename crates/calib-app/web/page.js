@@ -140,10 +140,13 @@
   });
   calib.closeVideo = () => {
     if (!clip) return;
-    clip.video.removeAttribute("src");
-    clip.video.load();
-    URL.revokeObjectURL(clip.url);
+    const { video, url } = clip;
     clip = null;
+    // Ends the waits for this video.
+    video.dispatchEvent(new Event("error"));
+    video.removeAttribute("src");
+    video.load();
+    URL.revokeObjectURL(url);
   };
   calib.openVideo = (bytes) => {
     calib.closeVideo();
@@ -154,23 +157,22 @@
     video.src = url;
     // Some browsers decode nothing before the video is played.
     video.play().then(() => video.pause(), () => {});
-    clip = { video, url, loaded };
+    clip = { video, url, loaded, last: Promise.resolve() };
   };
-  /** Reads frames of the open video: the frame at `time` seconds, or `count` frames evenly spread if `time` is negative. The longer side is at most `side` pixels unless `side` is 0. `each` gets time, width, height and RGBA pixels, and returns whether to continue. Resolves to the duration in seconds. */
-  calib.frames = async (time, count, side, each) => {
-    /** Memory of all frames that are held at once, in bytes. */
+  const readFrames = async ({ video, loaded }, time, count, side, each) => {
+    /** Memory of all frames that are in memory at once, in bytes. */
     const MAX_BYTES = 4e8;
-    if (!clip) throw new Error("is closed");
-    const { video, loaded } = clip;
     await loaded;
     /** Shows a frame; resolves to the time at which it appears. */
     const seek = async (at) => {
+      if (clip?.video !== video) throw new Error("is closed");
       const shown = new Promise((resolve) => {
         setTimeout(() => resolve(at), 300);
         video.requestVideoFrameCallback?.((_, frame) => resolve(frame.mediaTime));
       });
       const sought = next(video, "seeked");
-      video.currentTime = at;
+      // Rounding down would show the frame before.
+      video.currentTime = at + 1e-4;
       await sought;
       return shown;
     };
@@ -179,16 +181,24 @@
     const duration = isFinite(video.duration) ? video.duration : video.currentTime;
     const zoom = side ? Math.min(1, side / Math.max(video.videoWidth, video.videoHeight)) : 1;
     const [width, height] = [video.videoWidth, video.videoHeight].map((length) => Math.round(length * zoom));
-    if (!(width > 0 && height > 0)) throw new Error("contains no pictures");
-    const held = Math.max(1, Math.min(count, Math.floor(MAX_BYTES / (4 * width * height))));
+    if (!(width > 0 && height > 0)) throw new Error("contains no images");
+    const most = Math.max(1, Math.min(count, Math.floor(MAX_BYTES / (4 * width * height))));
+    const times = time < 0 ? Array.from({ length: most }, (_, i) => (i + 0.5) / most * duration) : [time];
     const paint = Object.assign(document.createElement("canvas"), { width, height }).getContext("2d", { willReadFrequently: true });
-    for (const at of time < 0 ? Array.from({ length: held }, (_, i) => (i + 0.5) / held * duration) : [time]) {
+    for (const [index, at] of times.entries()) {
       const appears = await seek(at);
       paint.drawImage(video, 0, 0, width, height);
       const { data } = paint.getImageData(0, 0, width, height);
-      if (!each(appears, width, height, new Uint8Array(data.buffer))) break;
+      if (!each((index + 1) / times.length, appears, width, height, new Uint8Array(data.buffer))) break;
     }
     return duration;
+  };
+  /** Reads frames of the open video: the frame at `time` seconds, or `count` frames evenly spread if `time` is negative; fewer if the memory is too small. The longer side is at most `side` pixels unless `side` is 0. `each` gets the share of the work done, time, width, height and RGBA pixels, and returns whether to continue. Resolves to the duration in seconds. Requests run one after the other, because each moves the video to other times. */
+  calib.frames = async (...request) => {
+    if (!clip) throw new Error("is closed");
+    const own = clip;
+    own.last = own.last.catch(() => {}).then(() => readFrames(own, ...request));
+    return own.last;
   };
   /** Returns an image of the demonstration that is delivered with the page, or null. */
   calib.picture = async (name) => {

@@ -257,7 +257,7 @@ fn write_site(
     }
     site.check().map_err(|error| {
         let advice = if added > 0 { "; choose a layer with fewer lines" } else { "" };
-        CommandError::invalid(&args.file, format!("with this plan: {error}{advice}"))
+        CommandError::invalid(&args.file, format!("is not valid with this plan: {error}{advice}"))
     })?;
     files::write(output, site.to_json().as_bytes(), args.force)
 }

@@ -221,8 +221,7 @@ fn efov_of(session: &Session, camera: usize) -> Option<&[FloorPoint]> {
 
 /// Returns the points of a regular grid over the bounding box of a polygon that are inside the polygon.
 fn points_within(polygon: &[FloorPoint]) -> Vec<FloorPoint> {
-    /// Number of grid points along each side of the bounding box. A fraction of the points is accurate to 1
-    /// or 2 %.
+    /// Number of grid points along each side of the bounding box. A covered fraction is then accurate to 1 or 2 %.
     const GRID_POINTS_PER_SIDE: usize = 32;
     let [low, high] = bounds(polygon);
     let at =

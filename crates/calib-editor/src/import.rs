@@ -59,9 +59,9 @@ pub fn import_any(files: &[File]) -> Result<(&'static Format, Imported), String>
     if wrong.is_empty() {
         let known: Vec<&str> =
             FORMATS.iter().filter(|format| format.can_import()).map(|format| format.name).collect();
-        return Err(format!("File format not recognised. Supported formats: {}.", known.join(", ")));
+        return Err(format!("Supported formats: {}.", known.join(", ")));
     }
-    Err(format!("Import failed. Formats tried: {}.", wrong.join("; ")))
+    Err(format!("Formats tried: {}.", wrong.join("; ")))
 }
 
 /// Returns the lens of a camera, scaled to images of another width and height. The error names a different

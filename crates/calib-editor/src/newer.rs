@@ -102,7 +102,7 @@ pub(crate) fn nanoseconds(time: &str) -> Option<i64> {
 /// Newer image of a camera that is shown under the pointer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NewerUnderPointer {
-    /// Name of the image in the site.
+    /// Name under which the session stores the newer image.
     pub image: String,
     /// Change of the camera since its calibration.
     pub change: CameraChange,

@@ -345,8 +345,8 @@ pub struct Preview {
     pub solution: Option<Solution>,
     /// Pose and lens of the solution, if it has a pose.
     pub pose: Option<Camera>,
-    /// Index of the group to decide first: it minimises the predicted error of floor lengths. `None` without
-    /// groups.
+    /// Index of the group to decide first: accepted alone, it gives the smallest predicted error of floor lengths.
+    /// It is 0 if no error can be predicted, and `None` without groups.
     pub next: Option<usize>,
 }
 

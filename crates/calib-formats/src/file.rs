@@ -87,7 +87,7 @@ pub enum Problem {
     InvalidRotation,
     /// A matrix is not an intrinsic matrix.
     InvalidIntrinsics,
-    /// A projection matrix belongs to no camera.
+    /// A 3 x 4 matrix is not the projection matrix of a camera.
     InvalidProjection,
     /// The numbers of pixels and of world points differ.
     Unpaired {

@@ -50,7 +50,8 @@ impl Moments {
         self.kept.len() < MAX_MOMENTS || self.kept.last_key_value().is_some_and(|(last, _)| hash <= *last)
     }
 
-    /// Adds a foot to the moment with this hash. Feet from later frames of the same camera are ignored.
+    /// Adds the foot point of a detected person to the sampled moment with this hash. Only the first frame of each
+    /// camera in a moment counts.
     pub(crate) fn add(&mut self, hash: u64, foot: Foot) {
         let seen = self.kept.entry(hash).or_default();
         let is_first_frame = seen.iter().all(|other| other.camera != foot.camera || other.at == foot.at);

@@ -52,7 +52,7 @@ pub(crate) struct Row {
 /// Log height of a person in one row, with its features and its weight.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Height {
-    /// Natural logarithm of the height in metres, relative to a usual height.
+    /// Natural logarithm of the ratio of the person's height to a usual height.
     log: f64,
     features: [f64; FEATURES],
     /// Robust weight, 0 to 1.

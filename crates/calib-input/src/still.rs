@@ -265,6 +265,13 @@ fn unsupported(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
         )),
         (_, Some(b"avif" | b"avis")) => Some(("an AVIF image", SAVE)),
         (_, Some(_)) => Some((VIDEO, FRAME)),
+        // QuickTime files without a brand. The first byte of a text is larger.
+        (
+            [0..=0x1F, _, _, _, b'm', b'o', b'o', b'v', ..]
+            | [0..=0x1F, _, _, _, b'm', b'd', b'a', b't', ..]
+            | [0..=0x1F, _, _, _, b'w', b'i', b'd', b'e', ..],
+            _,
+        ) => Some((VIDEO, FRAME)),
         ([0x1A, 0x45, 0xDF, 0xA3, ..], _) => Some((VIDEO, FRAME)),
         ([b'R', b'I', b'F', b'F', _, _, _, _, b'A', b'V', b'I', ..], _) => Some((VIDEO, FRAME)),
         ([0xFF, 0x0A, ..] | [0, 0, 0, 0x0C, b'J', b'X', b'L', ..], _) => Some(("a JPEG XL image", SAVE)),

@@ -115,7 +115,7 @@ pub struct DrawingFacts {
     pub paper_metres_per_px: Option<f64>,
     /// Drawing units per pixel of a DXF.
     pub units_per_px: Option<f64>,
-    /// Size of a pixel in the place that is drawn, in metres; `None` if the drawing does not state it.
+    /// Size of a pixel in the real world, in metres; `None` if the drawing does not state its scale.
     pub metres_per_px: Option<f64>,
     /// Source of `metres_per_px`.
     pub scale_source: Option<ScaleSource>,

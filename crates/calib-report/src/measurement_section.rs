@@ -74,12 +74,13 @@ pub fn speed_remark(measurement: &Measurement, found: Measured, units: Units) ->
         Some(high) => {
             let limits = format!("{low} to {} {unit}", text(high));
             format!(
-                "The times are whole seconds. This alone allows speeds of {limits}; the \u{b1} is additional."
+                "The times are in whole seconds, so the speed can be anywhere from {limits}. The \u{b1} does not \
+                 include this."
             )
         }
         None => format!(
-            "The times are whole seconds. This alone allows any speed above {low} {unit}; the \u{b1} is \
-             additional."
+            "The times are in whole seconds, so the speed can be anything above {low} {unit}. The \u{b1} does \
+             not include this."
         ),
     })
 }

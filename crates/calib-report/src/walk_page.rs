@@ -37,8 +37,8 @@ pub fn zone_name(zone: &Zone) -> String {
     format!("{first}{}{}", letter(column), row + 1)
 }
 
-/// Describes the mean offset of the walker positions according to one camera, and the most likely errors of
-/// its pose.
+/// Describes the mean offset of the walker positions according to one camera, and the most likely error of
+/// this camera.
 #[must_use]
 pub fn disagreement_text(one: &Disagreement) -> String {
     let [x, y] = one.shift;

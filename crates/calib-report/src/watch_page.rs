@@ -106,10 +106,10 @@ fn detectable_text(health: &CameraHealth) -> String {
         "pan undetectable (too few people also seen by another camera), ".into()
     };
     if !(tilt.is_finite() && zoom.is_finite()) {
-        return "no movement is detectable".into();
+        return "no change is detectable".into();
     }
     format!(
-        "smallest detectable movement: {pan}tilt {:.1}\u{b0}, zoom {:.0} %",
+        "smallest detectable change: {pan}tilt {:.1}\u{b0}, zoom {:.0} %",
         tilt.to_degrees(),
         100.0 * zoom.exp_m1()
     )

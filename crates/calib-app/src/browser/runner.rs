@@ -20,7 +20,7 @@ use crate::platform::web::{breath, page, read_all};
 use crate::state::App;
 use crate::theme;
 
-/// Request of the page.
+/// Request that the web page sends to the app.
 enum PageRequest {
     /// Command by its name.
     Command(String),

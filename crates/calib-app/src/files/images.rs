@@ -307,9 +307,9 @@ impl App {
         let as_site = sites
             .map(|file| String::from_utf8_lossy(&file.bytes))
             .find_map(|text| parse(&text, None).err())
-            .map_or_else(String::new, |error| format!(" Not a valid site: {error}."));
+            .map_or_else(String::new, |error| format!(": not a valid site ({error})"));
         let names = names.join(", ");
-        self.act(Action::AddError(format!("Can't open {names}.{as_site} {error} {KNOWN_FILES}")));
+        self.act(Action::AddError(format!("Can't open {names}{as_site}. {error} {KNOWN_FILES}")));
     }
 
     /// Adds the cameras, the lenses or the plan of imported files to the site.

@@ -88,7 +88,7 @@ impl App {
     }
 }
 
-/// Returns pixels for embedding in the report.
+/// Encodes an image as a PNG data URI for embedding in the report.
 fn embedded_pixels(image: &RgbImage) -> Result<EmbeddedImage, String> {
     let mut png = std::io::Cursor::new(Vec::new());
     image.write_to(&mut png, ImageFormat::Png).map_err(|error| error.to_string())?;

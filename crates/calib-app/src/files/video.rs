@@ -33,12 +33,6 @@ impl App {
 
     /// Adds the saved image of a video as a camera, or compares it if its name says that it is a newer image.
     fn add_frame(&mut self, ctx: &Context, sheet: &VideoSheet, image: Chosen) {
-        if Here::HAS_FOLDERS && image.path.is_none() {
-            let name = &image.name;
-            self.act(Action::AddError(format!(
-                "{name} could not be saved beside the video. It is stored in the site."
-            )));
-        }
         if (sheet.pixel_aspect - 1.0).abs() > 1e-3 {
             self.act(Action::Note(format!(
                 "The pixels of this video are not square. Enter \"pixel_aspect\": {:.4} in the lens of the camera in \
@@ -48,13 +42,21 @@ impl App {
         }
         let mut files = vec![image];
         self.take_newer(ctx, &mut files);
-        files.into_iter().for_each(|file| self.add_still(ctx, file));
+        for file in files {
+            if Here::HAS_FOLDERS && file.path.is_none() {
+                let name = &file.name;
+                self.act(Action::AddError(format!(
+                    "{name} could not be saved beside the video. It is stored in the site."
+                )));
+            }
+            self.add_still(ctx, file);
+        }
     }
 }
 
 /// Shows the sheet of the video, and the next video after it.
 pub(crate) fn video_ui(app: &mut App, ctx: &Context) {
-    let Some(mut sheet) = app.jobs.video.take() else { return };
+    let Some(mut sheet) = app.jobs.video.take() else { return app.next_video(ctx) };
     sheet.poll(ctx);
     if let Some(result) = sheet.saving.as_ref().and_then(Task::poll) {
         sheet.saving = None;
@@ -100,7 +102,7 @@ fn sheet_ui(sheet: &mut VideoSheet, ui: &mut Ui) -> bool {
         if ui.add_enabled(is_ready, egui::Button::new("Use this image")).clicked() {
             sheet.save(ui.ctx());
         }
-        is_open = !ui.button("Cancel").clicked();
+        is_open = !ui.add_enabled(sheet.saving.is_none(), egui::Button::new("Cancel")).clicked();
     });
     if let Some(still) = sheet.chosen().filter(|_| Here::HAS_FOLDERS) {
         let text = format!("Saves {}.png beside the video", sheet.name_of(still));
@@ -180,7 +182,8 @@ fn choice_ui(sheet: &mut VideoSheet, ui: &mut Ui) {
                 DragValue::new(&mut time).range(0.0..=most).speed(0.04).fixed_decimals(2).suffix(" s");
             let field = ui.add(field.update_while_editing(false)).labelled_by(label.id);
             ui.label(format!("of {}", clock(sheet.duration_s)));
-            let is_changed = slider.changed() || field.changed();
+            // A field that loses the focus rounds the time to its decimals.
+            let is_changed = slider.changed() || field.changed() && (time - sheet.time_s).abs() >= 0.005;
             if is_changed {
                 (sheet.time_s, sheet.error) = (time, None);
             }
@@ -188,7 +191,7 @@ fn choice_ui(sheet: &mut VideoSheet, ui: &mut Ui) {
     });
     ui.horizontal(|ui| {
         let choice = ui.checkbox(&mut sheet.removes_moving, "Remove moving objects").on_hover_text(format!(
-            "Median of {SCENE_FRAMES} frames. People and vehicles that move disappear, and hidden edges become visible."
+            "Median of up to {SCENE_FRAMES} frames. People and vehicles that move disappear, and hidden edges become visible."
         ));
         if choice.changed() {
             sheet.error = None;

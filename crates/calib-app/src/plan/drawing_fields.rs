@@ -144,7 +144,7 @@ pub(crate) fn walls_menu(app: &mut App, ui: &mut Ui) {
             }
         }
     });
-    menu.response.on_hover_text("The straight lines of a shown layer become walls, which block the view");
+    menu.response.on_hover_text("Adds the straight lines of a visible layer as walls, which block the view.");
     if let Some(layer) = chosen {
         add_walls(app, &layer, states_unit);
     }

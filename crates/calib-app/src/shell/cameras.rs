@@ -268,7 +268,7 @@ pub(crate) fn dock_ui(app: &mut App, ui: &mut Ui) {
             ui.label(RichText::new(title).font(theme::medium(13.0)));
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 let look = Look { size: Vec2::splat(20.0), ..Look::default() };
-                fold = icons::button(ui, Icon::Close, "Hide the two cameras", "Hide", look).clicked();
+                fold = icons::button(ui, Icon::Close, "Hide this comparison", "Hide", look).clicked();
             });
         });
         let width = 0.5 * (ui.available_width() - 12.0);

@@ -103,7 +103,7 @@ pub fn window_ui(app: &mut App, ui: &mut Ui) {
     if app.dialogs.export.is_open {
         export::export_ui(app, ui.ctx());
     }
-    if app.jobs.video.is_some() {
+    if app.jobs.video.is_some() || !app.jobs.videos.is_empty() {
         video::video_ui(app, ui.ctx());
     }
     outside::asked_ui(app, ui.ctx());

@@ -174,7 +174,7 @@ pub struct Jobs {
 pub struct App {
     /// Document: the open site, its results and the tools.
     pub editor: Editor,
-    /// Requests of panels for the end of the frame.
+    /// Requests that panels have queued; they are carried out at the end of the frame.
     pub(crate) sent: Vec<Sent>,
     /// Decoded images.
     pub pictures: Pictures,
@@ -356,7 +356,6 @@ impl App {
         let was_asked = self.dialogs.conflict.take().is_some()
             | self.dialogs.path_field.take().is_some()
             | self.jobs.video.take().is_some()
-            | !std::mem::take(&mut self.jobs.videos).is_empty()
             | !self.dialogs.outside.asked.is_empty();
         if !self.dialogs.outside.asked.is_empty() {
             self.decide_outside(false);

@@ -134,7 +134,7 @@ impl App {
             Step::Comparing(asked, task) => {
                 let Some(found) = task.outcome() else { return Ok(Some(Step::Comparing(asked, task))) };
                 let comparison =
-                    found.map_err(|Lost| "the comparison ended without a result".to_owned()).flatten()?;
+                    found.map_err(|Lost| "internal error; please report this".to_owned()).flatten()?;
                 let OfCamera { entry, pose, still, taken } = *asked;
                 let names = [entry.image.as_deref().unwrap_or_default(), &still.image];
                 let captured = names.map(|name| self.captured(name));
@@ -242,7 +242,7 @@ impl App {
         };
         let Recovering { of, from, .. } = recovering;
         let camera = of.camera;
-        match found.map_err(|Lost| "the recovery ended without a result".to_owned()).flatten() {
+        match found.map_err(|Lost| "internal error; please report this".to_owned()).flatten() {
             Ok(found) => self.act(Action::Newer(NewerAction::Recovered(camera, Box::new((from, found))))),
             Err(why) => self.act(Action::AddError(format!("{camera} was not recovered: {why}."))),
         }

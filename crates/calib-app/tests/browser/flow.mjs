@@ -490,11 +490,12 @@ async function video() {
     }, [JSON.parse(readFileSync(saved, "utf8")).cameras[index].image, points]);
   };
   await open("door_20260501_083005.mp4");
-  await desk.place("Frame at 1.");
+  await desk.press("Frame at 1.25");
+  await desk.painted(1000);
   await desk.picture("video");
   await desk.press("Use this image");
   const first = await desk.until("a camera", (state) => state.site.cameras?.length === 1);
-  assert.match(first.site.cameras[0].id, /^door_20260501_08300\d\.\d{3}$/);
+  assert.match(first.site.cameras[0].id, /^door_20260501_083006\.250$/);
   assert.deepEqual(first.site.cameras[0].size_px, [96, 64]);
   await desk.settled();
   await open("yard.mp4");

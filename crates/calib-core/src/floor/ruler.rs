@@ -247,7 +247,7 @@ impl Ruler<'_> {
 /// The vertical is `foot + z up`, the ray `eye + t d` with a unit vector d. With `w = eye - foot`, both are
 /// nearest for `z - t d_z = w_z` and `z d_z - t = w . d`.
 fn head_height(camera: &Camera, foot: WorldPoint, pixel: Pixel) -> Option<f64> {
-    /// Smallest squared sine of the angle between the ray and the vertical.
+    /// Smallest accepted squared sine of the angle between the ray and the vertical.
     const MIN_LEVEL: f64 = 1e-6;
     let ray = camera.pixel_to_ray(pixel)?;
     let from_foot = [ray.origin.x - foot.x, ray.origin.y - foot.y, ray.origin.z - foot.z];

@@ -10,7 +10,7 @@ codes! {
     FailureCode {
         /// There are fewer lines than the method needs.
         TooFewLines = "too-few-lines",
-        /// The lines leave more than one parameter undetermined.
+        /// The lines or control points do not determine the pose and the focal length.
         Underdetermined = "underdetermined",
         /// No possible camera fits the lines or control points.
         NoSolution = "no-solution",

@@ -381,7 +381,7 @@ pub enum Finding {
         /// Indices of the control points.
         points: [usize; 2],
     },
-    /// The scale of the camera is unknown.
+    /// The scale of the camera is unknown, so its height is assumed.
     ScaleAssumed {
         /// Assumed height, in metres.
         height: f64,

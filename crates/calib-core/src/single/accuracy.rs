@@ -20,8 +20,8 @@ const POINTS_PER_SIDE: usize = 5;
 pub struct Grid(Vec<[f64; 3]>);
 
 impl Grid {
-    /// Creates the grid between the corners of the drawn polygon. With more than four corners, it uses those
-    /// farthest along the diagonals.
+    /// Creates the grid inside an image polygon, for example the annotated EFOV. If the polygon has more than four
+    /// corners, the grid spans the four that are farthest along the diagonals.
     pub(crate) fn from_polygon(camera: &Camera, corners: &[Pixel]) -> Self {
         let [a, b, c, d] = four_corners(corners);
         let points = (0..POINTS_PER_SIDE * POINTS_PER_SIDE).filter_map(|k| {

@@ -72,7 +72,7 @@ pub(crate) fn inflation(chi2: f64, dof: i64) -> f64 {
 /// The test uses its externally studentised residual, `t^2 = (chi2 - chi2') / (chi2' / dof')`, with primes
 /// for the fit without it. The level is 1 % for the largest of `count` constraints.
 pub(crate) fn is_significant(chi2: f64, chi2_without: f64, dof_without: i64, count: usize) -> bool {
-    /// Normal quantile of 0.005: two-sided 1 %.
+    /// Normal quantile at 0.995, for a two-sided level of 1 %.
     const TWO_SIDED_QUANTILE: f64 = 2.576;
     if dof_without < 3 {
         return false;

@@ -289,7 +289,7 @@ impl Tool for Measure {
         match (self.from, session.tool.measured) {
             _ if set > 0 => match kind {
                 MeasurementKind::Length => {
-                    "Click the other end, in this or another image.  Shift: height".into()
+                    "Click the other end, in this or another image.  Shift: measure a height".into()
                 }
                 MeasurementKind::Height => "Click the upper end, vertically above the lower end.".into(),
                 MeasurementKind::Speed => {

@@ -209,7 +209,7 @@ impl PlaceDrag {
             }
             _ => format!("at {}", session.site.units.point(now.by.into(), 2)),
         };
-        format!("Release to {} {name}: {what}.  Shift: slower, Esc: cancel", self.handle.verb())
+        format!("Release to finish. {name}: {what}.  Shift: slower, Esc: cancel")
     }
 }
 

@@ -179,7 +179,9 @@ impl Tool for Segment {
             (Gesture::Idle, Kind::KnownLength) => {
                 "Draw a line of known length on the floor: drag, or click both ends.".into()
             }
-            (Gesture::Idle, _) => "Draw a parallel line on the floor: drag, or click both ends.".into(),
+            (Gesture::Idle, _) => {
+                "Draw one of the parallel lines on the floor: drag, or click both ends.".into()
+            }
             (Gesture::Pressed { .. }, _) => "Release to end the line.  Alt: snap to edge".into(),
             (Gesture::Placed { .. }, _) => "Click or press Enter to end the line.  Alt: snap to edge".into(),
         }

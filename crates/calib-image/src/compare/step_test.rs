@@ -32,7 +32,8 @@ impl StepAlignment {
         corners: impl FnOnce() -> &'a [CornerMatch],
         turned: &Alignment,
     ) -> Vec<Self> {
-        /// Fraction of samples found again above which all edges are within the search range.
+        /// Fraction of the visible samples found again above which the image shift is assumed to be within the
+        /// search range. No start value is then estimated from the corners.
         const SUFFICIENT_FRACTION: f64 = 0.9;
         let far = if turned.found_fraction() > SUFFICIENT_FRACTION {
             None

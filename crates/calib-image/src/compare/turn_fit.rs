@@ -125,7 +125,8 @@ pub(super) struct BlockEquations {
     cross: ByMotion,
     /// Product `N' P N`: the information about the shift of the block.
     motion: Matrix2<f64>,
-    /// Product `N' P d`, with `d` the offsets.
+    /// Product `N' P d`, with `d` the offsets: the score of the shift of the block. `P` and `N` are in the
+    /// documentation of this file.
     motion_score: Vector2<f64>,
     /// Precision of an offset common to all samples, in 1/px².
     pub(super) precision: f64,

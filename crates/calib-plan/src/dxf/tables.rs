@@ -42,7 +42,7 @@ pub(super) struct Tables<'a> {
 }
 
 impl<'a> Tables<'a> {
-    /// Reads the sections.
+    /// Reads the unit, layers, blocks and entities of a DXF file from its records.
     pub(super) fn new(records: &'a [Record<'a>]) -> Self {
         let mut tables = Self::default();
         let mut at = 0;

@@ -408,7 +408,7 @@ impl SentenceContext<'_> {
     pub(super) fn too_many(&self, count: usize, first: usize) -> String {
         let first = self.id(first);
         format!(
-            "{count} cameras, including {first}, share too many links and marks to be solved together. Each is solved separately."
+            "{count} cameras, including {first}, cannot be solved together: too many of them share links and marks. Each camera is solved separately."
         )
     }
 

@@ -247,13 +247,13 @@ async fn frames(request: FrameRequest, progress: Arc<Progress>) -> Result<VideoF
     };
     let found = Rc::new(RefCell::new(Vec::new()));
     let all = Rc::clone(&found);
-    let take = Closure::<dyn FnMut(f64, u32, u32, Uint8Array) -> bool>::new(
-        move |time: f64, width: u32, height: u32, pixels: Uint8Array| {
+    let take = Closure::<dyn FnMut(f64, f64, u32, u32, Uint8Array) -> bool>::new(
+        move |share: f64, time: f64, width: u32, height: u32, pixels: Uint8Array| {
             let rgb =
                 pixels.to_vec().chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
             let mut all = all.borrow_mut();
             all.extend(RgbImage::from_raw(width, height, rgb).map(|image| (time, image)));
-            progress.report(all.len() as f64 / count as f64)
+            progress.report(share)
         },
     );
     let read = page::frames(time, count as u32, side, take.as_ref().unchecked_ref());

@@ -119,8 +119,9 @@ extern "C" {
     pub(crate) fn close_video();
 
     /// Reads frames of the open video: the frame at `time`, in seconds, or `count` frames evenly spread if `time` is
-    /// negative. The longer side of a frame is at most `side` pixels, unless `side` is 0. `each` gets the time, width,
-    /// height and RGBA pixels of every frame, and returns whether to continue. The promise resolves to the duration in
+    /// negative; fewer if the memory is too small. The longer side of a frame is at most `side` pixels, unless `side` is 0. `each` gets
+    /// the share of the work done, the time, width, height and RGBA pixels of every frame, and returns whether to
+    /// continue. The promise resolves to the duration in
     /// seconds.
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn frames(time: f64, count: u32, side: u32, each: &Function) -> Promise;
