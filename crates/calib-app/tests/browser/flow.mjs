@@ -374,7 +374,7 @@ async function refine() {
   await desk.picture("refining");
   await desk.press("Cancel the running task");
   const stopped = await desk.until("stopped", (state) => !state.refining);
-  assert.match(stopped.note, /No camera was moved/);
+  assert.match(stopped.note, /No camera pose was changed/);
   assert.equal(refined(stopped), 0);
   await desk.page.evaluate(() => { calib.work = globalThis.own; });
   await desk.key("F9");
@@ -399,7 +399,7 @@ async function propose() {
   await desk.until("under way", (state) => state.proposing);
   await desk.press("Cancel the running task");
   const stopped = await desk.until("stopped", (state) => !state.proposing);
-  assert.match(stopped.note, /No lines were detected/);
+  assert.match(stopped.note, /No lines were added/);
   await desk.page.evaluate(() => { calib.work = globalThis.own; });
   const start = Date.now();
   await desk.key("Shift+P");
