@@ -95,7 +95,7 @@ impl ImagePosition {
             (Some(2), _) => MapSystem::Degrees,
             _ => MapSystem::Unknown,
         };
-        // With the raster type `PixelIsPoint`, the coordinates are those of the pixel centres.
+        // With the raster type `PixelIsPoint`, the coordinates refer to pixel centres.
         Some(if key(1025) == Some(2) {
             Self::from_centres(transform, system)
         } else {

@@ -14,7 +14,8 @@ const MAX_NODES: usize = 2_000_000;
 /// Weight of a node inside a pattern in the count of visited nodes. Such nodes are painted again for every use of
 /// the pattern.
 const PATTERN_NODE_COST: usize = 10;
-/// Largest width and height of a layer, relative to those of the image; resvg clips larger layers.
+/// Largest width of a layer divided by the width of the image, and the same for the height. Larger layers are
+/// clipped by resvg.
 const MAX_LAYER_RATIO: f64 = 5.0;
 /// Number of working layers of a filter, in addition to the result of each filter step.
 const WORKING_LAYERS: usize = 6;

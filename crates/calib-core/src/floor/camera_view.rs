@@ -287,8 +287,8 @@ impl CameraView {
     pub fn to_floor_points(&self, height: f64, pixels: [&[f64]; 2], [x, y]: [&mut [f64]; 2]) {
         let plane = self.plane(height);
         if self.surfaces.is_empty() && self.map == StreamMap::STILL {
-            // If the pixels are those of the calibrated image, and there are no other planes, no chunks are
-            // needed.
+            // Chunks are not needed if the stream has the size of the calibrated image and the floor is the only
+            // plane.
             return plane.pixels_to_floor(pixels[0], pixels[1], x, y);
         }
         self.each_image_chunk(pixels, |range, [u, v]| {
