@@ -72,9 +72,7 @@ fn update_export(app: &mut App, ctx: &Context) {
 
 /// Encodes the image of the floor plan as PNG for the export.
 fn plan_image(image: &image::RgbImage) -> Result<PlanImage, String> {
-    let mut png = std::io::Cursor::new(Vec::new());
-    image.write_to(&mut png, image::ImageFormat::Png).map_err(|error| error.to_string())?;
-    Ok(PlanImage { png: png.into_inner(), size: image.dimensions().into() })
+    Ok(PlanImage { png: calib_editor::images::png(image)?, size: image.dimensions().into() })
 }
 
 fn choices(app: &mut App, ui: &mut Ui) {

@@ -26,6 +26,15 @@ fn open(desk: &mut Desk, scratch: &Scratch, names: &[&str]) {
     desk.harness.run_steps(2);
 }
 
+/// Opens one video in a new folder.
+fn open_video(name: &str, bytes: &[u8]) -> (Scratch, Desk) {
+    let scratch = Scratch::new();
+    scratch.write(name, bytes);
+    let mut desk = Desk::new(Site::new());
+    open(&mut desk, &scratch, &[name]);
+    (scratch, desk)
+}
+
 /// Waits until a text is shown.
 fn wait_for(desk: &mut Desk, text: &str) {
     for _ in 0..600 {
@@ -40,7 +49,7 @@ fn wait_for(desk: &mut Desk, text: &str) {
 
 /// Clicks the button with this text when it is enabled, and waits until cameras are added.
 fn use_image(desk: &mut Desk, cameras: usize) {
-    wait_for(desk, "beside the video");
+    wait_for(desk, "in the folder of the video");
     desk.harness.get_by_label("Use this image").click();
     desk.wait(|app| app.editor.site().cameras.len() == cameras && !app.is_working());
     desk.harness.run_steps(2);
@@ -57,10 +66,7 @@ fn difference(image: &image::RgbImage) -> u8 {
 #[test]
 fn a_frame_of_a_video_becomes_a_camera() {
     for (name, bytes) in CLIPS {
-        let scratch = Scratch::new();
-        scratch.write(name, bytes);
-        let mut desk = Desk::new(Site::new());
-        open(&mut desk, &scratch, &[name]);
+        let (scratch, mut desk) = open_video(name, bytes);
         wait_for(&mut desk, &format!("Image from {name}"));
         use_image(&mut desk, 1);
         let stem = name.split('.').next().unwrap();
@@ -75,11 +81,8 @@ fn a_frame_of_a_video_becomes_a_camera() {
 
 #[test]
 fn the_frame_at_a_time_has_the_time_in_its_name() {
-    let scratch = Scratch::new();
-    scratch.write("door_20260501_083005.mp4", CLIPS[0].1);
-    let mut desk = Desk::new(Site::new());
-    open(&mut desk, &scratch, &["door_20260501_083005.mp4"]);
-    wait_for(&mut desk, "beside the video");
+    let (_scratch, mut desk) = open_video("door_20260501_083005.mp4", CLIPS[0].1);
+    wait_for(&mut desk, "in the folder of the video");
     let frames = |desk: &Desk| {
         let is_frame = |word: &String| word.starts_with("Frame at ");
         let mut words: Vec<String> = desk.words().into_iter().filter(is_frame).collect();
@@ -98,10 +101,7 @@ fn the_frame_at_a_time_has_the_time_in_its_name() {
 
 #[test]
 fn objects_that_move_are_removed() {
-    let scratch = Scratch::new();
-    scratch.write("yard.mp4", CLIPS[0].1);
-    let mut desk = Desk::new(Site::new());
-    open(&mut desk, &scratch, &["yard.mp4"]);
+    let (scratch, mut desk) = open_video("yard.mp4", CLIPS[0].1);
     wait_for(&mut desk, "Remove moving objects");
     desk.harness.get_by_label("Remove moving objects").click();
     wait_for(&mut desk, "Moving objects covered 2");
@@ -120,11 +120,11 @@ fn several_videos_are_opened_one_after_the_other() {
     let mut desk = Desk::new(Site::new());
     open(&mut desk, &scratch, &["h264.mp4", "h265.mp4"]);
     wait_for(&mut desk, "Image from h264.mp4");
-    wait_for(&mut desk, "beside the video");
+    wait_for(&mut desk, "in the folder of the video");
     desk.harness.get_by_label("Cancel").click();
     wait_for(&mut desk, "Image from h265.mp4");
     open(&mut desk, &scratch, &["h264.mp4"]);
-    wait_for(&mut desk, "beside the video");
+    wait_for(&mut desk, "in the folder of the video");
     desk.key(Key::Escape);
     wait_for(&mut desk, "Image from h264.mp4");
     use_image(&mut desk, 1);
@@ -135,15 +135,12 @@ fn several_videos_are_opened_one_after_the_other() {
 
 #[test]
 fn a_damaged_video_is_refused_and_escape_closes_the_sheet() {
-    let scratch = Scratch::new();
-    scratch.write("cut.mp4", &CLIPS[0].1[..CLIPS[0].1.len() / 3]);
-    let mut desk = Desk::new(Site::new());
-    open(&mut desk, &scratch, &["cut.mp4"]);
+    let (_scratch, mut desk) = open_video("cut.mp4", &CLIPS[0].1[..CLIPS[0].1.len() / 3]);
     wait_for(&mut desk, "Image from cut.mp4");
     wait_for(&mut desk, "cut.mp4 is damaged");
     let words = desk.words();
     assert!(!words.iter().any(|word| word.starts_with("Reading the")), "{words:?}");
-    assert!(!words.iter().any(|word| word.contains("beside the video")), "{words:?}");
+    assert!(!words.iter().any(|word| word.contains("in the folder of the video")), "{words:?}");
     desk.key(Key::Escape);
     desk.harness.run_steps(2);
     assert!(desk.words().iter().all(|word| !word.contains("Image from")));

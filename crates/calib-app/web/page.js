@@ -160,7 +160,7 @@
     clip = { video, url, loaded, last: Promise.resolve() };
   };
   const readFrames = async ({ video, loaded }, time, count, side, each) => {
-    /** Memory of all frames that are in memory at once, in bytes. */
+    /** Largest memory of all frames together, in bytes. */
     const MAX_BYTES = 4e8;
     await loaded;
     /** Shows a frame; resolves to the time at which it appears. */

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
+use calib_image::EmptyScene;
 use calib_video::{Video, VideoError, is_video};
 use image::RgbImage;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -86,8 +87,6 @@ fn is_image(path: &Path) -> bool {
 
 /// Computes the median of some frames, with a progress bar.
 fn median(video: &mut Video, count: u16) -> Result<RgbImage, VideoError> {
-    /// Share of the pixels that may be covered in many frames, 0 to 1.
-    const MAX_BUSY_SHARE: f64 = 0.01;
     let bar = ProgressBar::new(u64::from(count));
     if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} frames, {eta} left") {
         bar.set_style(style);
@@ -103,7 +102,7 @@ fn median(video: &mut Video, count: u16) -> Result<RgbImage, VideoError> {
         video.frame_count(),
         100.0 * found.scene.changed_share
     ));
-    if found.scene.busy_share > MAX_BUSY_SHARE {
+    if found.scene.busy_share > EmptyScene::MAX_BUSY_SHARE {
         print_message(format_args!(
             "calib: objects that hardly moved may be visible in {:.1} % of the image; use a longer video",
             100.0 * found.scene.busy_share

@@ -367,6 +367,16 @@ fn shown_by_browsers(bytes: Arc<[u8]>) -> FileResult<Arc<[u8]>> {
     Ok(jpeg.into())
 }
 
+/// Encodes an image as PNG.
+///
+/// # Errors
+/// If the image has no pixels, or the memory is too small.
+pub fn png(image: &RgbImage) -> FileResult<Vec<u8>> {
+    let mut png = std::io::Cursor::new(Vec::new());
+    image.write_to(&mut png, image::ImageFormat::Png).map_err(|error| error.to_string())?;
+    Ok(png.into_inner())
+}
+
 /// Returns bytes with their MIME type as a `data:` URI.
 #[must_use]
 pub fn data_uri(mime: &str, bytes: &[u8]) -> String {

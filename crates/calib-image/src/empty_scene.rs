@@ -20,6 +20,9 @@ pub struct EmptyScene {
 }
 
 impl EmptyScene {
+    /// Value of `busy_share` above which the operator is warned about objects that hardly moved.
+    pub const MAX_BUSY_SHARE: f64 = 0.01;
+
     /// Computes the median of images of one size. Without images, the result has no pixels.
     ///
     /// # Panics

@@ -139,11 +139,11 @@ impl App {
         images.into_iter().for_each(|file| self.add_still(ctx, file));
     }
 
-    /// Imports the waiting files once all images and the plan are read, and no sheet of a video is open. The cameras of these images then exist, so
-    /// that imported lenses can be assigned to them.
+    /// Imports the waiting files once all images and the plan are read, and no video waits for the operator. The
+    /// cameras of these images then exist, so that imported lenses can be assigned to them.
     pub(crate) fn poll_imports(&mut self) {
-        let is_ready =
-            self.jobs.adding.is_empty() && self.jobs.planning.is_none() && self.jobs.video.is_none();
+        let has_video = self.jobs.video.is_some() || !self.jobs.videos.is_empty();
+        let is_ready = self.jobs.adding.is_empty() && self.jobs.planning.is_none() && !has_video;
         if is_ready && !self.jobs.importing.is_empty() {
             let files = std::mem::take(&mut self.jobs.importing);
             self.import(files);

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use calib_editor::images::{data_uri, png};
 use calib_editor::{Action, Session};
 use calib_report::{EmbeddedImage, ImageRequest, page};
 use calib_site::Plan;
@@ -90,9 +91,7 @@ impl App {
 
 /// Encodes an image as a PNG data URI for embedding in the report.
 fn embedded_pixels(image: &RgbImage) -> Result<EmbeddedImage, String> {
-    let mut png = std::io::Cursor::new(Vec::new());
-    image.write_to(&mut png, ImageFormat::Png).map_err(|error| error.to_string())?;
-    let href = calib_editor::images::data_uri("image/png", png.get_ref());
+    let href = data_uri("image/png", &png(image)?);
     Ok(EmbeddedImage { href, size: image.dimensions().into() })
 }
 

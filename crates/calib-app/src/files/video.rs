@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use calib_editor::Action;
+use calib_image::EmptyScene;
 use egui::{
     Align2, Color32, Context, DragValue, Frame, ProgressBar, RichText, ScrollArea, Sense, Ui, Vec2, Window,
 };
@@ -46,7 +47,7 @@ impl App {
             if Here::HAS_FOLDERS && file.path.is_none() {
                 let name = &file.name;
                 self.act(Action::AddError(format!(
-                    "{name} could not be saved beside the video. It is stored in the site."
+                    "{name} could not be written to the folder of the video. The site contains the image instead."
                 )));
             }
             self.add_still(ctx, file);
@@ -105,7 +106,8 @@ fn sheet_ui(sheet: &mut VideoSheet, ui: &mut Ui) -> bool {
         is_open = !ui.add_enabled(sheet.saving.is_none(), egui::Button::new("Cancel")).clicked();
     });
     if let Some(still) = sheet.chosen().filter(|_| Here::HAS_FOLDERS) {
-        let text = format!("Saves {}.png beside the video", sheet.name_of(still));
+        let text =
+            format!("The image will be saved as {}.png in the folder of the video.", sheet.name_of(still));
         ui.label(RichText::new(text).small().color(theme::palette(ui.ctx()).text2));
     } else if !Here::HAS_FOLDERS {
         let text = "The browser scales frames to square pixels.";
@@ -191,7 +193,8 @@ fn choice_ui(sheet: &mut VideoSheet, ui: &mut Ui) {
     });
     ui.horizontal(|ui| {
         let choice = ui.checkbox(&mut sheet.removes_moving, "Remove moving objects").on_hover_text(format!(
-            "Median of up to {SCENE_FRAMES} frames. People and vehicles that move disappear, and hidden edges become visible."
+            "Median of up to {SCENE_FRAMES} frames. People and vehicles that move disappear, and hidden edges \
+             become visible."
         ));
         if choice.changed() {
             sheet.error = None;
@@ -204,8 +207,6 @@ fn choice_ui(sheet: &mut VideoSheet, ui: &mut Ui) {
 
 /// Shows progress, an error, or notes about the chosen image.
 fn status_ui(sheet: &VideoSheet, ui: &mut Ui) {
-    /// Share of the pixels that may be covered in many frames, 0 to 1.
-    const MAX_BUSY_SHARE: f64 = 0.01;
     let palette = theme::palette(ui.ctx());
     if let Some(error) = &sheet.error {
         let shown = ui.label(RichText::new(error).color(palette.bad));
@@ -222,7 +223,7 @@ fn status_ui(sheet: &VideoSheet, ui: &mut Ui) {
         ui.ctx().request_repaint_after(Duration::from_millis(100));
     } else if let Some(Still { changed: Some((_, [changed, busy])), .. }) = sheet.chosen() {
         let mut text = format!("Moving objects covered {:.1} % of the image.", 100.0 * changed);
-        if *busy > MAX_BUSY_SHARE {
+        if *busy > EmptyScene::MAX_BUSY_SHARE {
             text += &format!(
                 " Objects that hardly moved may be visible in {:.1} % of the image; use a longer video.",
                 100.0 * busy

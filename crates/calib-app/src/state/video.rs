@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use calib_editor::images::png;
 use calib_image::EmptyScene;
 use calib_input::frame_name;
 use egui::{ColorImage, Context, TextureHandle, TextureOptions};
@@ -51,13 +52,13 @@ impl std::fmt::Debug for VideoSheet {
 
 /// Image that can be used.
 pub(crate) struct Still {
-    /// Time at which the frame was requested, and time at which it appears, in seconds. `None` for the scene without moving
-    /// objects.
+    /// Time at which the frame was requested, and time at which it appears, in seconds. `None` for the scene without
+    /// moving objects.
     pub(crate) times_s: Option<[f64; 2]>,
     pub(crate) image: Arc<RgbImage>,
     pub(crate) texture: TextureHandle,
-    /// The image with the changed pixels marked. Also the shares of the pixels that moving objects covered in some of the
-    /// frames, and in a third of them.
+    /// The image with the changed pixels marked. Also the shares of the pixels that moving objects covered in some of
+    /// the frames, and in a third of them.
     pub(crate) changed: Option<(TextureHandle, [f64; 2])>,
 }
 
@@ -180,16 +181,13 @@ impl VideoSheet {
         }
     }
 
-    /// Starts saving the chosen image as PNG: beside the video, or in memory if there is no folder.
+    /// Starts saving the chosen image as PNG. The desktop app writes it to the folder of the video. The page keeps it
+    /// in memory.
     pub(crate) fn save(&mut self, ctx: &Context) {
         let Some(still) = self.chosen() else { return };
         let (image, name) = (Arc::clone(&still.image), self.name_of(still));
         let video = self.file.path.clone();
-        self.saving = Some(Task::spawn(ctx, move || {
-            let mut png = std::io::Cursor::new(Vec::new());
-            image.write_to(&mut png, image::ImageFormat::Png).map_err(|error| error.to_string())?;
-            Ok(saved(video.as_deref(), &name, png.into_inner()))
-        }));
+        self.saving = Some(Task::spawn(ctx, move || Ok(saved(video.as_deref(), &name, png(&image)?))));
     }
 }
 
@@ -199,8 +197,8 @@ impl Drop for VideoSheet {
     }
 }
 
-/// Writes an image beside its video. A number follows the name if another file has it. The image stays in memory if it
-/// cannot be written.
+/// Writes an image to the folder of its video. If another file has the name, a number is added to it. If the image
+/// cannot be written, it is returned in memory.
 fn saved(video: Option<&Path>, name: &str, png: Vec<u8>) -> Chosen {
     const MAX_NUMBER: u32 = 100;
     let named = |number: u32| match number {

@@ -1,6 +1,5 @@
 //! Demonstration site, whose images are rendered on first use and cached on disk.
 
-use std::io::Cursor;
 use std::path::PathBuf;
 
 use calib_core::Camera;
@@ -43,10 +42,7 @@ pub fn render(name: &str) -> Result<Vec<u8>, String> {
         None if is_plan => calib_demo::render_plan(),
         None => return Err(format!("{name}: not an image of the demonstration site")),
     };
-    let mut bytes = Vec::new();
-    image
-        .write_to(&mut Cursor::new(&mut bytes), image::ImageFormat::Png)
-        .map_err(|error| error.to_string())?;
+    let bytes = calib_editor::images::png(&image)?;
     if let Some(folder) = folder() {
         // After a failed write, the next use renders the image again.
         let _ = Here::write(&folder.join(name), &bytes);

@@ -10,7 +10,7 @@ use calib_plan::{DrawingKind, View};
 use calib_site::{Recovered, Site, SiteCamera};
 use calib_video::{Video, VideoError};
 use egui::Context;
-use image::{ImageFormat, RgbImage};
+use image::RgbImage;
 
 use crate::choice::Chosen;
 use crate::drawing::DecodedImage;
@@ -141,9 +141,7 @@ fn png_of_svg(decoded: &DecodedImage) -> Result<Option<Vec<u8>>, String> {
     if decoded.drawing.as_ref().is_none_or(|drawing| drawing.kind != DrawingKind::Svg) {
         return Ok(None);
     }
-    let mut png = Cursor::new(Vec::new());
-    decoded.image.write_to(&mut png, ImageFormat::Png).map_err(|error| error.to_string())?;
-    Ok(Some(png.into_inner()))
+    calib_editor::images::png(&decoded.image).map(Some)
 }
 
 pub(super) fn still<T: Send + 'static>(
