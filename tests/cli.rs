@@ -296,7 +296,7 @@ fn data_uri_images_are_read() {
     scratch.write("site.json", site.to_json());
     let undistort = ["undistort", "site.json", "--camera", "door", "-o", "x.png"];
     let unsolved = scratch.calib(&undistort).expect_code(4);
-    assert!(unsolved.stderr.contains("its lens is unknown"), "{}", unsolved.stderr);
+    assert!(unsolved.stderr.contains("the lens of camera \"door\" is unknown"), "{}", unsolved.stderr);
     let lens = json!({"distortion": {"model": "division", "lambda": -0.1, "focal_px": 2}});
     site.cameras[0].lens = Some(serde_json::from_value(lens).unwrap());
     scratch.write("site.json", site.to_json());

@@ -715,6 +715,6 @@ fn command_writes_accepted_groups_and_abstains_with_exit_4() {
     scratch.calib(&["propose", "stills/noise.png", "--accept", "sure"]).expect_code(4);
     std::fs::create_dir(scratch.path("elsewhere")).unwrap();
     let run = scratch.calib(&["propose", "stills/noise.png", "-o", "elsewhere/site.json"]).expect_code(4);
-    let expected = "1 of 1 images are outside the folder of elsewhere/site.json";
+    let expected = "images outside the folder of elsewhere/site.json: 1 of 1.";
     assert!(run.stderr.contains(expected) && run.stderr.contains("--allow-outside"), "{}", run.stderr);
 }

@@ -101,7 +101,7 @@ fn impossible_views_are_refused_before_writing() {
     let (scratch, _) = ceiling();
     let run = |args: &[&str]| scratch.calib(&[&UNDISTORT[..], args].concat());
     let nothing = run(&["--look=30,0,60", "--look=0,170,40", "-o", "a.png"]).expect_code(2);
-    assert!(nothing.stderr.contains("does not see this direction"), "{}", nothing.stderr);
+    assert!(nothing.stderr.contains("a requested view is outside the image"), "{}", nothing.stderr);
     assert!(!scratch.path("a-look-1.png").exists(), "no view is written if one is impossible");
     for wrong in ["--look=1,2", "--look=0,0,180", "--look=a,b,c", "--look=nan,0,90"] {
         run(&[wrong, "-o", "a.png"]).expect_code(2);

@@ -38,7 +38,7 @@ pub(crate) fn plan_from_drawing(drawing: &DrawingFacts) -> Option<(Plan, String)
     let source = match drawing.scale_source? {
         ScaleSource::Unit => "Scale read from the unit of the drawing.".into(),
         ScaleSource::Text(ratio) => {
-            format!("Scale 1:{ratio} read from the text of the page. Check it with a known length (A).")
+            format!("Scale 1:{ratio} read from the text of the page. Check it with a known distance (A).")
         }
     };
     let plan = Plan {
@@ -65,7 +65,7 @@ pub(crate) fn plan_on_map(
         MapSystem::Projected(code) => {
             let name = format!("EPSG:{code}");
             let system = CoordinateSystem::new(&name);
-            Some(system.map_err(|error| format!("The image is in the grid {name}, expected {error}."))?)
+            Some(system.map_err(|error| format!("Grid {name} of the image: expected {error}."))?)
         }
         MapSystem::Unknown => match site.coordinate_system() {
             Some(system) => Some(system),

@@ -24,10 +24,15 @@ fn main() -> std::process::ExitCode {
         Err(error) => {
             let has_display =
                 ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
-            let why = if has_display { error.to_string() } else { "no display was found".into() };
+            let (why, advice) = if has_display || cfg!(any(windows, target_os = "macos")) {
+                (error.to_string(), "")
+            } else {
+                let advice = "Start the app in a desktop session, or set DISPLAY or WAYLAND_DISPLAY. ";
+                ("no display was found".to_owned(), advice)
+            };
             eprintln!(
-                "The window could not be opened: {why}.\nThe app needs a display: start it in a desktop \
-                 session, or set DISPLAY or WAYLAND_DISPLAY. Without a display, run `calib solve` on a site file."
+                "The window could not be opened: {why}.\n{advice}Without a window, run `calib solve` on a \
+                 site file."
             );
             ExitCode::FAILURE
         }
@@ -39,7 +44,8 @@ const HELP: &str = "Opens a window to calibrate cameras from their images.
 
 Usage: calib-app [FILE]...
 
-FILE is a site (.json), an image (such as .png or .jpg), a folder of images, or a floor plan (.svg).
+FILE is a site (.json), an image (such as .png or .jpg), a folder of images, a video,
+or a floor plan (such as .pdf, .dxf or .svg).
 
 Options:
   -h, --help     print this help

@@ -94,7 +94,7 @@ fn outside_images_are_read_only_with_permission_and_skipping_loses_nothing() {
         assert!(is_read(&mut desk, "own.png"), "{round}");
         for name in elsewhere {
             let error = desk.app().pictures.error(name).unwrap_or_default();
-            assert!(error.contains("Outside the site"), "{round}, {name}: {error:?}");
+            assert!(error.contains("outside the site"), "{round}, {name}: {error:?}");
         }
         assert_eq!(report(&mut desk, &scratch), 1, "{round}: the report holds the own one alone");
         if desk.harness.query_by_label("Skip").is_some() {
@@ -117,7 +117,7 @@ fn outside_images_are_read_only_with_permission_and_skipping_loses_nothing() {
     assert_eq!(files_of(saved), files_of(all.clone()));
     // Skipped images can be read later.
     desk.tell(Command::ReadAgain);
-    press(&mut desk, "Read them now");
+    press(&mut desk, "Read now");
     read(&mut desk);
     for name in &all {
         assert!(is_read(&mut desk, name), "{name}: {:?}", desk.app().pictures.error(name));
@@ -142,7 +142,7 @@ fn chosen_files_are_read_without_asking() {
     let scratch = Scratch::new();
     let path = site(&scratch);
     let mut desk = opened(&path);
-    press(&mut desk, "Read them now");
+    press(&mut desk, "Read now");
     still(&scratch, "chosen.png", SIZE);
     desk.answer(Some(scratch.path("chosen.png")));
     desk.tell(Command::AddImages);
@@ -183,14 +183,14 @@ fn start_page_shows_no_outside_image() {
     let mut desk = window_of(&folder);
     desk.app().open_path(&path);
     desk.harness.run_steps(3);
-    press(&mut desk, "Read them now");
+    press(&mut desk, "Read now");
     drop(desk);
     let mut desk = window_of(&folder);
     desk.harness.run_steps(3);
     desk.wait(|app| app.pictures.loading() == 0);
     let shown = desk.app().storage.recent[0].image.clone().unwrap().to_string_lossy().into_owned();
     let error = desk.app().pictures.error(&shown).unwrap_or_default();
-    assert!(error.contains("Outside the site"), "{shown}: {error:?}");
+    assert!(error.contains("outside the site"), "{shown}: {error:?}");
 }
 
 #[test]
@@ -198,7 +198,7 @@ fn crashed_window_continues_with_the_same_permission() {
     let scratch = Scratch::new();
     let (path, folder) = (site(&scratch), scratch.path("kept"));
     let window = || window_of(&folder);
-    for (answer, asked) in [("Read them now", 0), ("Skip", 3)] {
+    for (answer, asked) in [("Read now", 0), ("Skip", 3)] {
         let mut desk = window();
         desk.app().open_path(&path);
         desk.harness.run_steps(3);

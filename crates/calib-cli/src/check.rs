@@ -27,7 +27,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "P")]
     max_rms_px: Option<f64>,
     /// Accept a finding by its code (misfit, two-solutions, ...); separate several codes with commas, or
-    /// repeat
+    /// repeat the option
     #[arg(long, value_name = "CODE", value_delimiter = ',', value_parser = code)]
     allow: Vec<Code>,
     /// Also fail cameras whose heights above the floor are unknown while lengths on the floor are known
@@ -51,7 +51,7 @@ fn code(text: &str) -> Result<Code, String> {
     failing().find(|code| code.as_str() == text).ok_or_else(|| {
         let names: Vec<&str> = failing().map(Code::as_str).collect();
         format!(
-            "this finding cannot fail a check, or its name is unknown; expected one of {}",
+            "this finding cannot fail the check, or its code is unknown; expected one of {}",
             names.join(", ")
         )
     })
@@ -141,16 +141,12 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     let of_site = args.max_overlap_m.map(|most| site_faults(&file, most, &args.allow));
     report(&file, &results, of_site.as_deref(), args)?;
     let failed = results.iter().filter(|result| !result.faults.is_empty()).count();
+    let all = calib_site::counted(results.len(), "camera", "cameras");
     match (failed, of_site.is_none_or(|faults| faults.is_empty())) {
         (0, true) => Ok(()),
         (0, false) => Err(CommandError::Unsolved("the site failed the check".into())),
-        (_, true) => {
-            Err(CommandError::Unsolved(format!("{failed} of {} cameras failed the check", results.len())))
-        }
-        (_, false) => Err(CommandError::Unsolved(format!(
-            "the site and {failed} of {} cameras failed the check",
-            results.len()
-        ))),
+        (_, true) => Err(CommandError::Unsolved(format!("{failed} of {all} failed the check"))),
+        (_, false) => Err(CommandError::Unsolved(format!("the site and {failed} of {all} failed the check"))),
     }
 }
 
@@ -184,7 +180,7 @@ fn report(
 fn explanation(result: &CameraResult) -> String {
     let line = |fate: &str, fault: &Fault| {
         let code = fault.code.map_or_else(String::new, |code| format!("{code}: "));
-        format!("  {fate} {code}{} {}\n", fault.message, fault.advice)
+        format!("  {fate} {code}{}. {}\n", fault.message.trim_end_matches('.'), fault.advice)
     };
     let failed = result.faults.iter().map(|fault| line("failed: ", fault));
     failed.chain(result.allowed.iter().map(|fault| line("allowed:", fault))).collect()
@@ -232,7 +228,7 @@ fn site_faults(file: &SiteFile, most: f64, allow: &[Code]) -> Vec<String> {
         .collect();
     if !far.is_empty() {
         let pairs = shortened_list(far.iter().map(String::as_str));
-        faults.push(format!("links more than {} cm apart on the floor: {pairs}", centimetres(most)));
+        faults.push(format!("cameras disagree by more than {} cm on the floor: {pairs}", centimetres(most)));
     }
     let is_measured = overlaps.iter().any(|pair| pair.floor_rms_m.is_some());
     if !is_measured && file.site.cameras.len() > 1 {
@@ -250,7 +246,7 @@ fn site_faults(file: &SiteFile, most: f64, allow: &[Code]) -> Vec<String> {
 /// parentheses.
 fn checked_site_numbers(solution: &SiteSolution) -> String {
     let worst = worst_first(&solution.overlaps).into_iter().find_map(|pair| {
-        Some(format!("links at most {} cm apart on the floor", centimetres(pair.floor_rms_m?)))
+        Some(format!("cameras disagree by at most {} cm on the floor", centimetres(pair.floor_rms_m?)))
     });
     let parts: Vec<String> = connectivity_text(solution).into_iter().chain(worst).collect();
     if parts.is_empty() { String::new() } else { format!(" ({})", parts.join("; ")) }

@@ -116,7 +116,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
         return Ok(());
     }
     let changed = shortened_list(changed);
-    Err(CommandError::Unsolved(format!("cameras that changed, or could not be checked: {changed}")))
+    Err(CommandError::Unsolved(format!("cameras that changed, or could not be compared: {changed}")))
 }
 
 fn has_changed(of: &CameraComparison) -> bool {
@@ -165,7 +165,7 @@ fn entry_index(file: &SiteFile, id: &str, time: Option<Timestamp>) -> Result<usi
     let time = time.map(|time| time.to_string());
     file.site.entry_index_at(id, time.as_deref()).ok_or_else(|| {
         CommandError::Usage(format!(
-            "--camera {id}: no period of this camera applies to the image; choose one with --at TIME"
+            "camera \"{id}\": none of its periods applies to the image; choose one with --at TIME"
         ))
     })
 }
@@ -177,8 +177,12 @@ fn compare(
     threads: ThreadsArgs,
 ) -> Result<CameraComparison, CommandError> {
     let entry = &file.site.cameras[index];
-    let not_calibrated =
-        || CommandError::Unsolved(format!("camera \"{}\" is not calibrated: solve it first", entry.id));
+    let not_calibrated = || {
+        CommandError::Unsolved(format!(
+            "camera \"{}\" is not calibrated; calib solve reports the reason",
+            entry.id
+        ))
+    };
     let camera = entry.camera().ok_or_else(not_calibrated)?;
     let old = file.camera_image(entry)?;
     let edges = annotation_edges(entry);

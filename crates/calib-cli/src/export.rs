@@ -93,7 +93,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
         files::print_message(note);
     }
     files::print_message(format_args!(
-        "{} contains {}; it does not contain: {}",
+        "{} contains: {}; it does not contain: {}",
         format.name, format.contains, format.lacks
     ));
     if !export.unsolved.is_empty() {

@@ -49,7 +49,8 @@ pub(crate) fn merge(file: SiteFile, imported: Site, replaces: bool) -> Result<Si
         return Err(CommandError::invalid(path, what));
     }
     merge_ground_points(&mut site, imported.ground_points, imported.crs, &path)?;
-    site.check().map_err(|error| CommandError::invalid(&path, format!("after the merge: {error}")))?;
+    site.check()
+        .map_err(|error| CommandError::invalid(&path, format!("is not valid after the merge: {error}")))?;
     report_merge(&path, &added, &existing);
     Ok(site)
 }

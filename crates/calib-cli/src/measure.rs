@@ -101,7 +101,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
             CommandError::Usage("a speed needs --from-at and a later --to-at".into())
         }
         MeasurementError::Camera { why: CameraViewError::Camera(_), .. } => {
-            CommandError::Usage(format!("{error} (--from-at TIME)"))
+            CommandError::Usage(format!("{error} (--from-at, --to-at)"))
         }
         MeasurementError::Camera { .. } | MeasurementError::NotComparable { .. } => {
             CommandError::Unsolved(error.to_string())
@@ -176,7 +176,10 @@ fn stored(file: &SiteFile, args: &Args) -> Result<(), CommandError> {
     })?;
     match failed {
         0 => Ok(()),
-        _ => Err(CommandError::Unsolved(format!("{failed} of {} measurements failed", list.len()))),
+        _ => {
+            let all = calib_site::counted(list.len(), "measurement", "measurements");
+            Err(CommandError::Unsolved(format!("{failed} of {all} failed")))
+        }
     }
 }
 

@@ -204,7 +204,7 @@ fn entry(
 }
 
 /// Source of the scale of a georeferenced image.
-const MAP_SCALE: &str = "from its position on the map";
+const MAP_SCALE: &str = "from the position of the image on the map";
 
 /// Returns the plan entry of a georeferenced image.
 fn on_map(
@@ -257,7 +257,7 @@ fn write_site(
     }
     site.check().map_err(|error| {
         let advice = if added > 0 { "; choose a layer with fewer lines" } else { "" };
-        CommandError::invalid(&args.file, format!("is not valid with this plan: {error}{advice}"))
+        CommandError::invalid(&args.file, format!("the site is not valid with this plan: {error}{advice}"))
     })?;
     files::write(output, site.to_json().as_bytes(), args.force)
 }

@@ -131,11 +131,11 @@ pub(crate) struct Args {
     #[arg(long, value_name = "P")]
     sigma_px: Option<f64>,
     /// Add `lat_deg,lon_deg` (WGS84) of every floor point; needs a georeferenced site. With
-    /// --sigma-px, also the standard deviations toward east and north
+    /// --sigma-px, also the standard deviations towards east and north
     #[arg(long)]
     geographic: bool,
     /// Add `easting,northing` of every floor point in a projected grid such as EPSG:25832, in the unit of the
-    /// grid; needs a georeferenced site. With --sigma-px, also the standard deviations toward east and
+    /// grid; needs a georeferenced site. With --sigma-px, also the standard deviations towards east and
     /// north
     #[arg(long, value_name = "EPSG:CODE", value_parser = grid)]
     crs: Option<CoordinateSystem>,

@@ -116,8 +116,8 @@ fn warn_about_outside_images(site: &Site, output: &str) {
         site.cameras.iter().filter(|camera| camera.image.as_deref().is_some_and(is_outside)).count();
     if outside > 0 && output != "-" {
         print_message(format_args!(
-            "calib: {outside} of {} images are outside the folder of {output}. Write the site to the folder \
-             of the images, or add --allow-outside to other commands",
+            "calib: images outside the folder of {output}: {outside} of {}. Write the site to the folder of \
+             the images, or add --allow-outside to other commands",
             site.cameras.len()
         ));
     }
@@ -292,10 +292,10 @@ fn check_all_accepted(site: &Site, results: &[ImageCalibration]) -> Result<(), C
         return Ok(());
     }
     Err(CommandError::Unsolved(format!(
-        "{} of {} images have no accepted calibration: {}. Annotate these images, or review the \
-         results with --accept all",
+        "no accepted calibration for {} of {}: {}. Draw the lines by hand, or review the results with \
+         --accept all",
         unaccepted.len(),
-        results.len(),
+        calib_site::counted(results.len(), "image", "images"),
         shortened_list(unaccepted.iter().copied())
     )))
 }

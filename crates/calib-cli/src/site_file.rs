@@ -202,12 +202,16 @@ impl SiteFile {
             return None;
         }
         let folder = if self.folder.as_os_str().is_empty() { Path::new(".") } else { &self.folder };
+        let own = match self.path.as_str() {
+            "-" => "the current folder".to_owned(),
+            path => format!("the folder of {path}"),
+        };
         let Ok(real) = self.folder.join(image).canonicalize() else {
-            return Some(format!("was not found; image paths are relative to the folder of {}", self.path));
+            return Some(format!("was not found; image paths are relative to {own}"));
         };
         let is_inside =
             self.allows_outside || folder.canonicalize().is_ok_and(|folder| real.starts_with(folder));
-        let outside = || format!("is outside the folder of {}; add --allow-outside to read it", self.path);
+        let outside = || format!("is outside {own}; add --allow-outside to read it");
         (!is_inside).then(outside)
     }
 
@@ -369,7 +373,7 @@ fn report_skipped(folder: &Path, others: Vec<PathBuf>) {
         return;
     }
     print_message(format_args!(
-        "calib: {}: skipped {} that cannot be read as images: {}",
+        "calib: {}: skipped {} without an image extension: {}",
         folder.display(),
         counted(names.len(), "file", "files"),
         shortened_list(names.iter().map(String::as_str))

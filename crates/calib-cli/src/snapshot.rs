@@ -195,7 +195,7 @@ fn fetch(
                 );
                 return Err(failed(&uri, what));
             }
-            StatusCode::UNAUTHORIZED | StatusCode::FORBIDDEN => {
+            StatusCode::UNAUTHORIZED | StatusCode::FORBIDDEN if credentials.is_some() => {
                 return Err(failed(&uri, format!("rejected the user name or password ({status})")));
             }
             _ if status.is_redirection() => uri = redirected(&uri, &response)?,

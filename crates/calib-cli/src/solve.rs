@@ -226,9 +226,9 @@ pub(crate) fn check_all_solved(cameras: &[&SiteCamera]) -> Result<(), CommandErr
         return Ok(());
     }
     Err(CommandError::Unsolved(format!(
-        "{} of {} cameras could not be solved: {}",
+        "{} of {} could not be solved: {}",
         failed.len(),
-        cameras.len(),
+        calib_site::counted(cameras.len(), "camera", "cameras"),
         shortened_list(failed.iter().copied())
     )))
 }
@@ -294,8 +294,8 @@ fn text(site: &Site, reports: &[CameraReport]) -> String {
     };
     if reports.iter().any(has_centre) {
         out.push_str(
-            "The \u{b1} values include an unknown principal point. To reduce them, enter lens.principal_point_px, \
-             or draw lines in a third direction.\n",
+            "The \u{b1} values include the uncertainty of the principal point. To reduce them, enter \
+             lens.principal_point_px, or draw lines in a third direction.\n",
         );
     }
     for CameraReport { camera, .. } in reports {

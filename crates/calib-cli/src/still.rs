@@ -21,8 +21,8 @@ pub(crate) struct Args {
     /// Video file (MP4, MOV, MKV, AVI; H.264, H.265, motion JPEG), or http(s) address of a snapshot
     #[arg(value_name = "VIDEO|URL", required_unless_present = "all")]
     source: Option<String>,
-    /// List of cameras (TOML with ids and addresses); writes the image of each camera as ID.jpg to the folder
-    /// --output
+    /// List of cameras (TOML with ids and addresses); writes the image of each camera as ID.jpg to the
+    /// --output folder
     #[arg(long, value_name = "FILE", conflicts_with_all = ["source", "at", "median"])]
     all: Option<PathBuf>,
     /// Time of the frame from the start of the video: seconds, MM:SS or HH:MM:SS [default: the first frame]
@@ -56,7 +56,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     let file = File::open(path).map_err(|error| invalid(error.into()))?;
     let mut video = Video::open(BufReader::new(file)).map_err(|error| match error {
         VideoError::NotVideo if is_image(path) => {
-            let what = "is an image, expected a video; use this image directly";
+            let what = "is an image, not a video; use this image directly";
             CommandError::invalid(path.display(), what)
         }
         error => invalid(error),

@@ -51,7 +51,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     let entry = file.camera(&args.camera)?;
     let lens = camera_lens(entry);
     if let (None, Distortion::None, Some(error)) = (&entry.solution, lens.distortion, &entry.error) {
-        let what = format!("camera \"{}\": its lens is unknown: {}", entry.id, error.message);
+        let what = format!("the lens of camera \"{}\" is unknown: {}", entry.id, error.message);
         return Err(CommandError::Unsolved(what));
     }
     let focal = entry.solution.as_ref().map(|solution| solution.focal_px);
@@ -70,7 +70,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     let is_round = made(crop).is_none() && made(Crop::SameFocal).is_some();
     if is_round {
         return Err(CommandError::Usage(format!(
-            "a flat image cannot show the whole field of view of camera \"{}\". Omit --crop, or use --look, \
+            "a flat image cannot show the whole field of view of camera \"{}\"; omit --crop, or use --look, \
              --quadrants or --panorama",
             entry.id
         )));

@@ -4,6 +4,7 @@ use calib_core::FloorPoint;
 
 use calib_health::{Disagreement, Walk, WalkResult, Zones};
 use calib_report::{WalkPage, disagreement_text, zone_name};
+use calib_site::counted;
 
 use crate::args::SiteArgs;
 use crate::detections::{DetectionArgs, Detections, TableArgs};
@@ -173,8 +174,9 @@ fn faults(limits: &Limits, names: &[String], result: &WalkResult, zones: &Zones)
     let together = result.moments.iter().filter(|moment| moment.seen.len() > 1).count();
     if together < MIN_MOMENTS {
         faults.push(format!(
-            "two or more cameras detected the person at {together} times, but at least {MIN_MOMENTS} are \
-             needed: walk where views overlap"
+            "two or more cameras detected the person at {}, but at least {MIN_MOMENTS} are needed: walk \
+             where views overlap",
+            counted(together, "moment", "moments")
         ));
     }
     let accused = result.disagreements.iter();

@@ -119,9 +119,8 @@ fn lens_and_focal(entry: &SiteCamera) -> Result<(Lens, f64), CommandError> {
     let lens = camera_lens(entry);
     let own = (lens.distortion != Distortion::None).then_some(lens.focal);
     let focal = entry.solution.as_ref().map(|solution| solution.focal_px).or(own);
-    let unknown =
-        || CommandError::Unsolved(format!("camera \"{}\" has no focal length: solve it first", entry.id));
-    Ok((lens, focal.ok_or_else(unknown)?))
+    let unknown = || format!("the focal length of camera \"{}\" is unknown; see calib solve", entry.id);
+    Ok((lens, focal.ok_or_else(|| CommandError::Unsolved(unknown()))?))
 }
 
 /// Writes every view with the numbers of its camera.
@@ -234,8 +233,8 @@ impl View<'_> {
         }
         let (id, reach) = (&self.entry.id, self.reach.to_degrees());
         Err(CommandError::Usage(format!(
-            "camera \"{id}\" does not see this direction: its image reaches only {reach:.0}\u{b0} from the \
-             axis of the lens"
+            "a requested view is outside the image of camera \"{id}\", which reaches only {reach:.0}\u{b0} \
+             from the axis of the lens"
         )))
     }
 

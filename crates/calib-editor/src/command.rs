@@ -168,7 +168,7 @@ commands! {
         Delete "Delete the selection" [Chosen] NONE Delete;
         Duplicate "Duplicate the selected lines into a new group" [Selection] NONE D;
         OnOff "Switch the selection on or off" [Selection] NONE X;
-        UseAnyway "Use a suspect line anyway" [Selection];
+        UseAnyway "Use the rejected line or point anyway" [Selection];
         SelectAll "Select everything in this image" [Camera] CTRL A;
         Deselect "Deselect all" [Selection];
         PullOntoEdge "Snap the selected lines to image edges" [Selection] NONE J;

@@ -85,7 +85,8 @@ fn camera_difference(from: &Site, camera: &SiteCamera) -> Option<String> {
     let lines = |camera: &SiteCamera| camera.annotations.iter().map(|a| a.polylines().count()).sum::<usize>();
     let mut parts = Vec::new();
     if own.annotations != camera.annotations {
-        parts.push(count_text("lines", lines(own), lines(camera)));
+        let (a, b) = (lines(own), lines(camera));
+        parts.push(if a == b { "lines".into() } else { format!("lines {a} \u{2192} {b}") });
     }
     let others = [
         ("lens", own.lens != camera.lens),
@@ -113,7 +114,7 @@ mod tests {
         let line = vec![Pixel::new(1.0, 2.0), Pixel::new(3.0, 4.0)];
         to.cameras[0].annotations.push(Annotation::from_segments(Kind::Vertical, vec![line]));
         to.cameras[1] = SiteCamera::new("c", [640, 480]);
-        assert_eq!(differences(&from, &to), ["a: lines: 0 \u{2192} 1", "c: added", "b: removed"]);
+        assert_eq!(differences(&from, &to), ["a: lines 0 \u{2192} 1", "c: added", "b: removed"]);
         assert!(differences(&to, &to).is_empty());
     }
 }

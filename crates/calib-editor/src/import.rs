@@ -53,7 +53,7 @@ pub fn import_any(files: &[File]) -> Result<(&'static Format, Imported), String>
     for format in FORMATS.iter().filter(fits) {
         match calib_formats::import(format, files) {
             Ok(imported) => return Ok((format, imported)),
-            Err(error) => wrong.push(format!("{}: {error}", format.name)),
+            Err(error) => wrong.push(format!("{} ({error})", format.name)),
         }
     }
     if wrong.is_empty() {

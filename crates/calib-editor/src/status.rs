@@ -2,7 +2,7 @@
 
 use calib_core::{Code, Severity};
 
-use calib_site::Warning;
+use calib_site::{Warning, counted};
 
 use crate::session::Session;
 use crate::steps::{FIELD, LENS, PLACE, Step, is_serious, nonstraightness_px, steps};
@@ -52,11 +52,8 @@ fn contradiction(session: &Session, camera: usize) -> Option<CameraStatus> {
     let solution = session.solved.solution(camera)?;
     let suspects = solution.warnings.iter().filter(|warning| warning.code == Code::Outlier).count();
     if suspects > 0 {
-        let noun = if suspects == 1 { "line" } else { "lines" };
-        return Some(CameraStatus::new(
-            format!("check {suspects} suspect {noun}"),
-            StatusLevel::Contradictory,
-        ));
+        let rejected = counted(suspects, "rejected line or point", "rejected lines or points");
+        return Some(CameraStatus::new(format!("check {rejected}"), StatusLevel::Contradictory));
     }
     let misfit = solution.warnings.iter().find(|warning| warning.code == Code::Misfit)?;
     let text = match (nonstraightness_px(session, camera), solution.chi2, solution.dof) {
@@ -64,7 +61,8 @@ fn contradiction(session: &Session, camera: usize) -> Option<CameraStatus> {
         // The misfit may not come from the lines alone, but from straight edges or from points of other
         // cameras.
         (None, Some(chi2), Some(dof)) if chi2 > 2.0 * dof as f64 => {
-            format!("lines contradict each other: \u{3c7}\u{b2} {chi2:.0} for {dof} degrees of freedom")
+            let dof = counted(dof, "degree of freedom", "degrees of freedom");
+            format!("lines contradict each other: \u{3c7}\u{b2} {chi2:.0} for {dof}")
         }
         _ => first_sentence(session, camera, misfit),
     };

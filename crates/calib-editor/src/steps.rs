@@ -178,7 +178,7 @@ fn lens_state(session: &Session, camera: usize) -> (String, bool) {
         (_, Some(given), _) if given.distortion().is_some() => "entered".into(),
         (.., 0) if is_fisheye(session, camera) => "fisheye: needs straight edges".into(),
         (.., 0) => "no distortion (assumed)".into(),
-        _ if is_fitted && is_vague => format!("from {drawn}: not enough"),
+        _ if is_fitted && is_vague => format!("{drawn}, not enough"),
         _ if is_fitted => format!("from {drawn}"),
         _ => format!("{drawn}, not fitted"),
     };

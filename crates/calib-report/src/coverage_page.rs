@@ -169,8 +169,8 @@ impl CoveragePage<'_> {
         }
         if !self.coverage.scale_assumed.is_empty() {
             notes.push(format!(
-                "The scale of these cameras is assumed, so distances and pixel densities can be wrong by a factor: {}. Enter a height \
-                 or a length.",
+                "The scale of these cameras is assumed: {}. Their distances and pixel densities can be wrong \
+                 by a common factor: enter a height or a length.",
                 names(&self.coverage.scale_assumed)
             ));
         }

@@ -60,7 +60,7 @@ pub fn measurement_text(measurement: &Measurement, found: Measured, units: Units
     match (low, high) {
         (low, high) if low == 0.0 && high == 0.0 => value,
         (low, high) if low == high => format!("{value}, {} above the floor", units.trimmed_length(low)),
-        _ => format!("{value}, between points of different heights"),
+        _ => format!("{value}, between points at different heights"),
     }
 }
 

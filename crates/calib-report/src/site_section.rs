@@ -23,6 +23,8 @@ pub fn connectivity_text(solution: &SiteSolution) -> Option<String> {
             1 => "one camera".into(),
             _ => format!("{all} cameras are connected"),
         }
+    } else if largest.len() == 1 {
+        format!("the {all} cameras are not connected to each other")
     } else {
         let names: Vec<String> =
             others.iter().map(|group| shortened_list(group.iter().map(String::as_str))).collect();

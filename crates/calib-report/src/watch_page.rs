@@ -31,10 +31,11 @@ pub fn watch_page(title: &str, cameras: &[WatchedCamera<'_>], instant: Instant<'
     html.push_str("<table><thead><tr><th>Camera<th>Status<th class=n>Tracks<th class=n>Matches with other cameras</tr></thead><tbody>\n");
     for WatchedCamera { id, health } in cameras {
         let class = if health.status == DriftStatus::Moved { " class=bad" } else { "" };
-        let (id, verdict) = (escape(id), health.status.name().replace('-', " "));
+        let is_unknown = health.status == DriftStatus::CannotTell;
+        let (id, status) = (escape(id), if is_unknown { "unknown" } else { health.status.name() });
         let _ = writeln!(
             html,
-            "<tr{class}><td><a href=\"#{id}\">{id}</a><td>{verdict}<td class=n>{}<td class=n>{}</tr>",
+            "<tr{class}><td><a href=\"#{id}\">{id}</a><td>{status}<td class=n>{}<td class=n>{}</tr>",
             health.tracks, health.matches
         );
     }
@@ -58,7 +59,7 @@ pub fn watch_text(health: &CameraHealth, instant: Instant<'_>) -> String {
     let tracks = counted(usize::try_from(health.tracks).unwrap_or(usize::MAX), "track", "tracks");
     match (&health.change, health.status) {
         (Some(change), _) => format!(
-            "moved at {} (between {} and {}): {}; {}. {tracks}",
+            "moved at {} (between {} and {}): {}; {}; {tracks}",
             instant(change.since),
             instant(change.between[0]),
             instant(change.between[1]),

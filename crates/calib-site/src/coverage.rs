@@ -218,7 +218,7 @@ pub enum CoverageError {
 impl std::fmt::Display for CoverageError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::NoCamera => f.write_str("no calibrated camera shows the floor: solve the site first"),
+            Self::NoCamera => f.write_str("no calibrated camera shows the floor"),
             Self::SeveralPeriods { camera } => {
                 write!(f, "camera \"{camera}\" has several periods: choose a time")
             }

@@ -348,7 +348,7 @@ fn apply_request(app: &mut App, request: RowRequest) {
         RowRequest::Usual(index, chosen) => drawn(index)
             .map(|annotation| annotate(index, with_size(annotation, &chosen), "choose a usual size")),
         RowRequest::Sigmas(index, annotation) => {
-            Some(annotate(index, *annotation, "change a standard deviation"))
+            Some(annotate(index, *annotation, "change the accuracy of an annotation"))
         }
         RowRequest::Height(index, value) => drawn(index).map(|annotation| {
             let known = annotation.height_m.filter(|_| !waits_for_height(&annotation));

@@ -154,7 +154,7 @@ fn mark_fields(app: &mut App, ui: &mut Ui, index: usize, mut mark: Mark) {
 /// Shows the table of links: the residual of every camera in pixels, and the disagreement on the floor.
 pub(crate) fn links_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
-    heading(ui, "Links", "error in px per camera; gap on the floor");
+    heading(ui, "Links", "residual in px per camera; gap on the floor");
     if app.editor.session().site.links.is_empty() {
         ui.label(RichText::new("Press K to link a point that two views show.").color(palette.text2));
         return;

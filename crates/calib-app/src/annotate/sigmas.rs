@@ -122,7 +122,7 @@ pub(crate) fn fields(ui: &mut Ui, drawn: &Annotation, usual: Usual) -> Option<An
             length.show(ui, &mut annotation.length_sigma_rel);
         }
         if has_scene {
-            let says = "Treat as exact: measured to be at right angles, level, or of this length";
+            let says = "Treat as exact: the angle, slope or length was measured";
             ui.checkbox(&mut annotation.exact, "Exact").on_hover_text(says);
         }
         let own = Annotation {

@@ -287,13 +287,13 @@ impl App {
     fn read_importable(&mut self, file: Chosen) -> Option<File> {
         let name = file.name.clone();
         let read = match is_importable(&name) {
-            true => file.into_bytes(),
-            false => Err("the type of this file is unknown".into()),
+            true => file.into_bytes().map_err(|error| format!("{error}.")),
+            false => Err(format!("the type of this file is unknown. {KNOWN_FILES}")),
         };
         match read {
             Ok(bytes) => Some(File { name, bytes }),
             Err(error) => {
-                self.act(Action::AddError(format!("Can't open {name}: {error}. {KNOWN_FILES}")));
+                self.act(Action::AddError(format!("Can't open {name}: {error}")));
                 None
             }
         }
@@ -324,7 +324,8 @@ impl App {
         if is_empty && site.ground_points.is_empty() && self.waiting() == 0 {
             let images = self.editor.session().images.clone();
             self.open_site(site, images, None);
-            self.act(Action::Note(format!("Read as {}. {}", format.name, notes.join("; "))));
+            let notes = if notes.is_empty() { String::new() } else { format!(": {}", notes.join("; ")) };
+            self.act(Action::Note(format!("Read as {}{notes}.", format.name)));
             return;
         }
         self.act(Action::Import(Box::new(site), notes));

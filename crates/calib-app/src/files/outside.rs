@@ -115,10 +115,13 @@ fn outside_ui(app: &mut App, ui: &mut Ui) {
     if files.len() > MAX_LISTED {
         ui.label(format!("and {} more", files.len() - MAX_LISTED));
     }
-    let why = "The author of the site chose these files. They will be shown here and included in reports.";
+    let why = match files.len() {
+        1 => "The author of the site chose this file. It will be shown here and included in reports.",
+        _ => "The author of the site chose these files. They will be shown here and included in reports.",
+    };
     ui.label(RichText::new(why).color(palette.text2));
     ui.horizontal(|ui| {
-        for (text, allows) in [("Read them now", true), ("Skip", false)] {
+        for (text, allows) in [("Read now", true), ("Skip", false)] {
             if ui.button(text).clicked() {
                 app.decide_outside(allows);
             }
@@ -164,11 +167,12 @@ fn conflict_ui(app: &mut App, ui: &mut Ui, conflict: &Conflict) {
 /// Shows the changes that another program or person made to the file.
 fn changes(ui: &mut Ui, differences: &[String]) {
     const MAX_LISTED: usize = 8;
-    if differences.is_empty() {
-        ui.label("Only the results or the formatting differ.");
-    }
+    ui.label(match differences {
+        [] => "Only the results or the formatting differ.",
+        _ => "Changed in the file:",
+    });
     for difference in differences.iter().take(MAX_LISTED) {
-        ui.label(format!("Changed in the file: {difference}"));
+        ui.label(difference);
     }
     if differences.len() > MAX_LISTED {
         ui.label(format!("and {} more", differences.len() - MAX_LISTED));

@@ -210,6 +210,8 @@ fn target_ui(app: &mut App, ui: &mut Ui) {
             })
             .response
             .labelled_by(label.id)
-            .on_hover_text("Height of the targets above the floor. The levels follow EN 62676-4.");
+            .on_hover_text(
+                "Height of the targets above the floor. The names of the levels follow EN 62676-4.",
+            );
     });
 }

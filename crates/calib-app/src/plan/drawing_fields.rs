@@ -159,7 +159,7 @@ fn add_walls(app: &mut App, layer: &Layer, states_unit: bool) {
     let [added, short] =
         site.add_walls(walls.map(|[from_m, to_m]| WallEntry { from_m, to_m, height_m: None }));
     if let Err(error) = site.check() {
-        app.send(Action::AddError(format!("The walls of the layer {} were not added: {error}", layer.name)));
+        app.send(Action::AddError(format!("The walls of the layer {} were not added: {error}.", layer.name)));
         return;
     }
     let mut note = format!("{}.", added_walls_text(&layer.name, added, layer.other_lines, short));

@@ -112,7 +112,9 @@ fn numbers(app: &mut App, ui: &mut Ui, id: &str, mut placement: Placement, fixed
         Number::Height.set(app, Some(Known { value: height, ..known }));
     } else if let Some(what) = changed.filter(|_| height > 0.0) {
         (placement.turn, placement.scale) = (placement.turn + (turn - told.degrees).to_radians(), scale);
-        app.send(Action::Place { camera, placement, name: format!("set {} of {id}", what.to_lowercase()) });
+        let the = if what.len() == 1 { "" } else { "the " };
+        let name = format!("set {the}{} of {id}", what.to_lowercase());
+        app.send(Action::Place { camera, placement, name });
     }
 }
 

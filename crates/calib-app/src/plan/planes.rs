@@ -78,10 +78,10 @@ fn fields(app: &mut App, ui: &mut Ui, index: usize, plane: &PlaneEntry) -> Optio
         .on_hover_text("When off, the plane is level, like the floor")
         .changed()
     {
-        (new.tilt, changed) = (falls.then(TiltEntry::default), Some("fall"));
+        (new.tilt, changed) = (falls.then(TiltEntry::default), Some("slope"));
     }
     if let Some(tilt) = &mut new.tilt {
-        let fall = known_number(ui, units, Quantity::Fall, &mut tilt.fall_deg).then_some("fall");
+        let fall = known_number(ui, units, Quantity::Fall, &mut tilt.fall_deg).then_some("slope");
         let toward = known_number(ui, units, Quantity::Toward, &mut tilt.toward_deg).then_some("direction");
         changed = changed.or(fall).or(toward);
     }
@@ -117,7 +117,7 @@ impl Quantity {
     const fn title(self) -> &'static str {
         match self {
             Self::Height => "Height above the floor",
-            Self::Fall => "Fall",
+            Self::Fall => "Slope",
             Self::Toward => "Slopes towards",
         }
     }

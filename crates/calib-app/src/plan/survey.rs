@@ -48,8 +48,8 @@ pub(crate) fn hand_overs_ui(app: &mut App, ui: &mut Ui) {
     let Some(found) = shown.result.as_ref().ok().filter(|found| !found.hand_overs.is_empty()) else { return };
     let mut pointed = None;
     let tip = "Floor area that two cameras see. The expected disagreement is the RMS distance between the \
-               positions that both compute for the same target, exactly at the chosen height. Detector errors \
-               are not included";
+               positions that both compute for the same target, exactly at the chosen height, without \
+               detector errors";
     heading(ui, "Hand-over zones", "expected disagreement");
     let row_height = 2.0 * ui.text_style_height(&egui::TextStyle::Body) + 6.0;
     ScrollArea::vertical().id_salt("hand-over zones").max_height(MAX_HEIGHT).show_rows(
@@ -160,7 +160,9 @@ fn area_row(app: &mut App, ui: &mut Ui, index: usize, area: &Area) {
         });
         choice.response.on_hover_text("Required level of pixel density");
         if level != area.level {
-            change(app, format!("change the level of {name}"), |site| site.areas[index].level = level);
+            change(app, format!("change the required level of {name}"), |site| {
+                site.areas[index].level = level;
+            });
         }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if is_removed(ui, &name) {

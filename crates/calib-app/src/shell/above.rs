@@ -27,7 +27,7 @@ pub fn above_ui(app: &mut App, ui: &mut Ui) {
     let mut hide = false;
     ui.horizontal(|ui| {
         ui.add_space(10.0);
-        ui.label(egui::RichText::new("Floor from above").font(theme::medium(12.0)));
+        ui.label(egui::RichText::new("Top view").font(theme::medium(12.0)));
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             let look = Look { size: Vec2::splat(20.0), ..Look::default() };
             hide = icons::button(ui, Icon::Close, "Hide the top view", "Hide (Y)", look).clicked();
@@ -35,7 +35,7 @@ pub fn above_ui(app: &mut App, ui: &mut Ui) {
     });
     let rect = ui.available_rect_before_wrap().with_max_y(ui.max_rect().bottom() - 20.0);
     let response = ui.allocate_rect(rect, Sense::hover());
-    response.widget_info(|| WidgetInfo::labeled(Role::Image, true, "Floor from above"));
+    response.widget_info(|| WidgetInfo::labeled(Role::Image, true, "Top view"));
     let painter = ui.painter().with_clip_rect(rect.intersect(ui.clip_rect()));
     painter.rect_filled(rect, 0.0, theme::DARK.canvas);
     let below = egui::pos2(rect.left() + 10.0, rect.bottom() + 10.0);

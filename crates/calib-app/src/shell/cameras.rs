@@ -83,7 +83,7 @@ fn header(app: &mut App, ui: &mut Ui) {
                 ui.checkbox(&mut app.view.list.unfinished, "unfinished");
                 let text = match app.view.list.order {
                     Order::Site => "site order",
-                    Order::Missing => "missing",
+                    Order::Missing => "missing steps",
                     Order::Sigma => "floor \u{b1}",
                 };
                 if ui.button(text).on_hover_text("Change the order of the list").clicked() {

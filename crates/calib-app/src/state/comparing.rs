@@ -188,7 +188,7 @@ impl App {
             picture.map(|picture| Arc::clone(&picture.image))
         });
         if let Some(error) = names.into_iter().find_map(|name| self.pictures.error(name)) {
-            return Err(format!("the comparison needs both images: {error}"));
+            return Err(format!("an image for the comparison could not be read: {error}"));
         }
         let [old, new] = found;
         Ok(old.zip(new).map(|(old, new)| [old, new]))
@@ -244,7 +244,10 @@ impl App {
         let camera = of.camera;
         match found.map_err(|Lost| "internal error; please report this".to_owned()).flatten() {
             Ok(found) => self.act(Action::Newer(NewerAction::Recovered(camera, Box::new((from, found))))),
-            Err(why) => self.act(Action::AddError(format!("{camera} was not recovered: {why}."))),
+            Err(why) => {
+                let why = why.trim_end_matches('.');
+                self.act(Action::AddError(format!("{camera} was not recovered: {why}.")));
+            }
         }
     }
 }

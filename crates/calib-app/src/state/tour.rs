@@ -54,7 +54,7 @@ impl TourButton {
 pub const STEPS: [TourStep; 5] = [
     TourStep {
         title: "Draw two vertical lines",
-        text: "Drag along two vertical edges that are far apart, such as edges of columns and the fridge. \
+        text: "Drag along two vertical edges that are far apart, such as the edges of columns or the fridge. \
                You can also click an edge that lights up under the pointer.",
         buttons: &[("Vertical tool (V)", TourButton::Tool("Vertical"))],
     },
@@ -118,7 +118,7 @@ impl Tour {
         let leaning = lines.iter().filter(|line| self.is_leaning(line)).count();
         match (lines.len() - leaning, leaning) {
             (2.., 0) => None,
-            (_, 0) => Some(format!("{} of 2 lines drawn", lines.len())),
+            (_, 0) => Some(format!("{} of 2 lines drawn.", lines.len())),
             _ => Some(
                 "One of the lines is not vertical. Undo it (Ctrl+Z), and draw along a vertical edge.".into(),
             ),
@@ -143,9 +143,8 @@ impl Tour {
                 _ => "Now the other direction: press New direction, then draw two lines.".to_owned(),
             });
         }
-        let told = camera_status(session, session.camera);
-        if told.level == StatusLevel::Contradictory {
-            return Some(format!("{}: undo the wrong line (Ctrl+Z).", told.text));
+        if camera_status(session, session.camera).level == StatusLevel::Contradictory {
+            return Some("One of the lines is wrong. Undo it (Ctrl+Z), and draw it again.".into());
         }
         let is_near = self.truth.zip(session.pose()).is_none_or(|(truth, pose)| {
             (pose.focal / truth.focal).ln().abs() < 0.15 && (pose.pitch - truth.pitch).abs() < 0.05

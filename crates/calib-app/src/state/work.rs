@@ -70,9 +70,8 @@ impl App {
         self.edges.stop();
         self.act(Action::Note(match count {
             0 => "Cancelled. Use \u{201c}Reload images and detect edges again\u{201d} to continue.".into(),
-            count => {
-                format!("Cancelled. Files not read: {count}. Add them again if needed.")
-            }
+            1 => "Cancelled. One file was not read. Add it again if needed.".into(),
+            count => format!("Cancelled. {count} files were not read. Add them again if needed."),
         }));
     }
 
@@ -118,7 +117,7 @@ impl App {
         match proposing.poll(ctx, picture.as_ref()) {
             Some(Ok(proposal)) => self.act(Action::SetAutomaticCalibration(of, Box::new(proposal))),
             Some(Err(error)) => {
-                self.act(Action::AddError(format!("Automatic calibration of {camera} failed: {error}")));
+                self.act(Action::AddError(format!("Automatic calibration of {camera} failed: {error}.")));
             }
             None => self.jobs.proposing = Some(proposing),
         }
@@ -128,7 +127,7 @@ impl App {
         let Some(refining) = self.jobs.refining.take() else { return };
         match refining.poll() {
             Some(Ok(refined)) => self.act(Action::Refined(Box::new((refining.from.clone(), refined)))),
-            Some(Err(error)) => self.act(Action::AddError(format!("The refinement failed: {error}"))),
+            Some(Err(error)) => self.act(Action::AddError(format!("The refinement failed: {error}."))),
             None => self.jobs.refining = Some(refining),
         }
     }

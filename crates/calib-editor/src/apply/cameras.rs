@@ -2,7 +2,7 @@
 //!
 //! Also the results of comparisons with newer images, and cameras that are recovered from newer images.
 
-use calib_site::{LensEntry, Recovered, Site, SiteCamera};
+use calib_site::{LensEntry, Recovered, Site, SiteCamera, counted};
 
 use crate::action::NewImage;
 use crate::command::Cameras;
@@ -232,7 +232,7 @@ impl Editor {
             0 => String::new(),
             _ => format!(" Not visible in the new image, so not transferred: {}.", left_out.join(", ")),
         };
-        self.session.note =
-            Some(format!("{camera}: {carried} lines and points transferred to the new image.{left_out}"));
+        let carried = counted(carried, "line or point", "lines and points");
+        self.session.note = Some(format!("{camera}: {carried} transferred to the new image.{left_out}"));
     }
 }

@@ -65,8 +65,12 @@ impl Editor {
         let id = entry.annotations[first].id.clone().or(free);
         entry.annotations[first].id.clone_from(&id);
         let tied = &mut entry.annotations[second].at_right_angles_to;
+        let name = match tied.is_some() {
+            true => "remove the right angle between two directions",
+            false => "set two directions at right angles",
+        };
         *tied = if tied.is_some() { None } else { id };
-        self.session.commit("set two directions at right angles");
+        self.session.commit(name);
     }
 
     /// Adds the copied annotations to the selected camera, scaled to the size of its image.

@@ -217,7 +217,7 @@ impl Editor {
         let region: Vec<_> = shown.into_iter().flatten().map(WorldPoint::on_floor).collect();
         if region.len() < 3 {
             let note =
-                "Draw this camera's field of view on this plane first (F), with three or more corners.";
+                "First draw this camera's field of view on this plane (F), with three or more corners.";
             session.note = Some(note.into());
             return;
         }

@@ -227,7 +227,7 @@ impl Editor {
         let pulled = snap::pull_parts(&mut session.site, camera, parts, lens, image);
         session.commit(format!("snap {name} to the edge"));
         session.note = Some(match pulled {
-            0 => "No edge was found along the selected lines.".into(),
+            0 => "No edge was found along the selection.".into(),
             count => format!("Snapped to edges: {}.", counted(count, "line", "lines")),
         });
     }

@@ -41,10 +41,11 @@ impl Editor {
         match changed.check() {
             Ok(()) => {
                 self.session.site.crs = changed.crs;
-                self.session.commit("change the grid");
+                self.session.commit("change the coordinate grid");
             }
             Err(error) => {
-                self.error = Some(format!("This grid does not fit the points of the site: {error}"));
+                self.error =
+                    Some(format!("The coordinate grid does not fit the points of the site: {error}"));
             }
         }
     }
@@ -101,7 +102,7 @@ impl Editor {
     pub(super) fn set_distances(&mut self, distances: Vec<Distance>) {
         self.cancel();
         self.session.site.distances = distances;
-        self.session.commit("change a measured distance");
+        self.session.commit("change the distances");
     }
 }
 
@@ -169,8 +170,8 @@ impl Editor {
         let is_alone = site.cameras.len() == 1;
         let (mut lenses, mut added, mut lens_of) = (0, 0, String::new());
         if site.ground_points.iter().any(|point| point.crs_m.is_some()) && self.session.site.crs.is_none() {
-            let error = "The points have grid coordinates. Enter the grid of the site, such as EPSG:25832, \
-                         in the panel \u{201c}Points to click\u{201d}. Then import the file again.";
+            let error = "The points have grid coordinates. Enter the coordinate grid (such as EPSG:25832) in \
+                         the panel \u{201c}Points to click\u{201d}, then import the file again.";
             self.error = Some(error.into());
             return;
         }
@@ -186,7 +187,7 @@ impl Editor {
                 }
             }
         }
-        let notes = if notes.is_empty() { String::new() } else { format!(" {}.", notes.join("; ")) };
+        let notes = if notes.is_empty() { String::new() } else { format!(" Note: {}.", notes.join("; ")) };
         if let Err(error) = self.session.site.check() {
             self.session.revert();
             self.error = Some(format!("The imported data do not fit the site: {error}"));
@@ -208,7 +209,11 @@ impl Editor {
             (0, _) => format!("import {added_in_words}"),
             _ => format!("import {lenses_in_words} and {added_in_words}"),
         });
-        self.session.note = Some(format!("Imported: {lenses_in_words}. Added: {added_in_words}.{notes}"));
+        self.session.note = Some(match (lenses, added) {
+            (_, 0) => format!("Imported: {lenses_in_words}.{notes}"),
+            (0, _) => format!("Added: {added_in_words}.{notes}"),
+            _ => format!("Imported: {lenses_in_words}. Added: {added_in_words}.{notes}"),
+        });
     }
 
     /// Adds ground points, or replaces points with the same id; returns their number.

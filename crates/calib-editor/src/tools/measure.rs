@@ -244,7 +244,7 @@ impl Tool for Measure {
                     let scale = plan_scale(&session.site);
                     session.tool.measured =
                         Some([from, pointer.at].map(|at| scale.plan_from_floor(at.into())));
-                    let what = "Enter the distance between the two points in the panel on the right.";
+                    let what = "In the panel on the right, enter the distance between the two points.";
                     session.note = Some(what.into());
                     self.cancel();
                 }
@@ -301,15 +301,15 @@ impl Tool for Measure {
                         .into()
                 }
             },
-            (Some(_), _) => "Click the other end of the known length.".into(),
-            (None, Some(_)) => "Enter the length in the panel on the right, or measure again.".into(),
+            (Some(_), _) => "Click the other end of the known distance.".into(),
+            (None, Some(_)) => "Enter the distance in the panel on the right, or measure again.".into(),
             (None, None) => match kind {
                 MeasurementKind::Length => format!(
                     "Click two points {where_to} in the images to measure, or two points on the plan whose \
                      distance you know."
                 ),
                 MeasurementKind::Height => format!("Click the lower end {where_to}, then the upper end."),
-                MeasurementKind::Area => format!("Click the corners {where_to} in the images."),
+                MeasurementKind::Area => format!("Click the corners of the area {where_to} in the images."),
                 MeasurementKind::Speed => format!("Click a point of the object {where_to} at the first of the two times."),
             },
         }

@@ -209,7 +209,7 @@ impl PlaceDrag {
             }
             _ => format!("at {}", session.site.units.point(now.by.into(), 2)),
         };
-        format!("Release to finish. {name}: {what}.  Shift: slower, Esc: cancel")
+        format!("{name}: {what}. Release to finish.  Shift: fine, Esc: cancel")
     }
 }
 

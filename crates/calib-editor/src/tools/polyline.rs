@@ -59,7 +59,11 @@ impl Polyline {
     fn finish(&mut self, session: &mut Session, camera: usize, points: &[Pixel]) {
         self.show(session, camera, points);
         if points.len() < 3 {
-            session.note = Some("Click at least three points.".into());
+            let note = match self.kind {
+                PolylineKind::Field => "Click at least three corners.",
+                PolylineKind::StraightEdge => "Click at least three points.",
+            };
+            session.note = Some(note.into());
             return;
         }
         match self.kind {
@@ -166,7 +170,8 @@ impl Tool for Polyline {
                     (0, PolylineKind::StraightEdge) => {
                         "Click the next point.  Enter or double-click: finish, then J: snap to edge".into()
                     }
-                    _ => format!("Click the next point; {left} more needed."),
+                    (_, PolylineKind::Field) => format!("Click the next corner; {left} more needed."),
+                    (_, PolylineKind::StraightEdge) => format!("Click the next point; {left} more needed."),
                 }
             }
         }

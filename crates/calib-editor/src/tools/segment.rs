@@ -80,7 +80,7 @@ impl Segment {
                      then."
                 }
                 (_, true, false) => {
-                    "This upright has the height of the last one. Change the height in the list if it \
+                    "This upright has the height of the previous one. Change the height in the list if it \
                      differs."
                 }
                 _ => return,

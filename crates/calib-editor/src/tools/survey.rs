@@ -48,7 +48,8 @@ impl Survey {
     fn finish(&mut self, session: &mut Session, is_closed: bool) {
         let mut corners = self.corners.take();
         if corners.len() < self.min_corners() {
-            session.note = Some(format!("Click at least {} corners.", self.min_corners()));
+            let least = if self.min_corners() == 2 { "two" } else { "three" };
+            session.note = Some(format!("Click at least {least} corners."));
             return;
         }
         match self.shape {

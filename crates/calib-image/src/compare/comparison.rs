@@ -121,7 +121,7 @@ pub enum ComparisonError {
 impl fmt::Display for ComparisonError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NotCalibrated => f.write_str("the camera is not calibrated; solve it first"),
+            Self::NotCalibrated => f.write_str("the camera is not calibrated"),
             Self::SizeMismatch(error) => error.fmt(f),
         }
     }

@@ -38,7 +38,7 @@ pub enum RecoveryError {
 impl fmt::Display for RecoveryError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NotCalibrated => f.write_str("the camera is not calibrated; solve it first"),
+            Self::NotCalibrated => f.write_str("the camera is not calibrated"),
             Self::NotRotated(CameraChange::Shifted) => {
                 write!(f, "{}; annotate the new image", CameraChange::Shifted)
             }

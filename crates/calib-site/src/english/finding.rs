@@ -257,7 +257,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         }
         F::CurvedInOneDirection { .. } => ANOTHER_EDGE,
         F::UninformativeEdges { .. } => {
-            "Draw long edges far from the image centre that do not point towards it."
+            "Draw long edges that are far from the image centre and do not point towards it."
         }
         F::UncertainCorners { is_round, is_reached, .. } => extend_edges(*is_round, *is_reached),
         F::UnusedEdges { .. } => "Remove the coefficients from lens.distortion to have them estimated.",
@@ -297,7 +297,8 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
 const fn lens_advice(finding: &Finding) -> &'static str {
     match finding {
         Finding::WrongPrincipalPoint { is_exchanged: true, .. } => {
-            "Exchange its coordinates: the order is [u, v], from the left and from the top."
+            "Exchange the coordinates of the principal point: the order is [u, v], from the left and from \
+             the top."
         }
         Finding::WrongPrincipalPoint { .. } => {
             "Check lens.principal_point_px: its unit is pixels of this image. Or remove it to have it estimated."
@@ -378,8 +379,8 @@ const fn advice_on_points(fits_exchanged: bool, is_other_image: bool) -> &'stati
 const fn advice_on_unused(why: UnusedReason) -> &'static str {
     match why {
         UnusedReason::NotVisible => {
-            "Check that its pixels are below the horizon, inside the field of view of the lens, and on the same \
-             object in every image."
+            "Check that the pixels are below the horizon, inside the field of view of the lens, and on the \
+             same object in every image."
         }
         UnusedReason::SingleView => {
             "Annotate the link or mark in a second camera, or enter its distance from another link or mark."
@@ -501,7 +502,7 @@ fn lens(finding: &Finding) -> String {
     let point = |at: &Pixel| format!("({:.0}, {:.0})", at.u, at.v);
     match finding {
         Finding::WrongPrincipalPoint { entered, estimated, is_exchanged } => {
-            let cause = if *is_exchanged { " Its coordinates are probably exchanged." } else { "" };
+            let cause = if *is_exchanged { " The entered coordinates are probably exchanged." } else { "" };
             format!(
                 "The entered principal point {} contradicts the lines, which all fit with a principal point at {}.{cause}",
                 point(entered),
@@ -528,7 +529,8 @@ fn lens(finding: &Finding) -> String {
 }
 
 /// Advice for pixels that are probably not square.
-const ENTER_ASPECT: &str = "If round objects look squeezed in the image, enter this value as lens.pixel_aspect. If they look round, enter 1.";
+const ENTER_ASPECT: &str = "If round objects look squeezed in the image, enter the stated aspect as \
+                            lens.pixel_aspect. If they look round, enter 1.";
 /// Advice for a roll that the verticals do not determine.
 const ANOTHER_VERTICAL: &str = "Draw another vertical, far to the side of the first, or fix lens.roll_deg.";
 /// Advice for lines that fit no camera.

@@ -250,7 +250,8 @@ impl SentenceContext<'_> {
         };
         let exchanged = if *fits_exchanged { " With u and v swapped, all would be inside." } else { "" };
         format!(
-            "{outside} of {drawn} points are outside the image of {width} x {height} pixels, the first in {first}.{exchanged}"
+            "Points outside the image of {width} x {height} pixels: {outside} of {drawn}, the first in \
+             {first}.{exchanged}"
         )
     }
 
@@ -282,7 +283,8 @@ impl SentenceContext<'_> {
         let worst = worst
             .map_or_else(String::new, |(line, px)| format!(" Worst: {}, {px:.1} px.", self.line_of(line)));
         format!(
-            "The lines disagree more than annotation noise explains (chi-square {chi2:.0}, {dof} degrees of freedom).{worst}"
+            "The lines disagree more than annotation noise explains (chi-square {chi2:.0}, {}).{worst}",
+            degrees_of_freedom(dof)
         )
     }
 
@@ -415,9 +417,7 @@ impl SentenceContext<'_> {
     pub(super) fn unused(&self, what: &[Subject], why: UnusedReason) -> String {
         let names: Vec<String> = what.iter().map(|&subject| self.shared(subject)).collect();
         let why = match why {
-            UnusedReason::NotVisible => {
-                "the position computed from the other cameras cannot be seen by one of them"
-            }
+            UnusedReason::NotVisible => "the computed position is not visible in one of the cameras",
             UnusedReason::SingleView => "annotated in only one camera",
             UnusedReason::UnknownLengthOrEnd => {
                 "an end has no position, or the length has neither \"sigma\" nor \"fixed\""
@@ -522,9 +522,14 @@ pub(super) fn floor(rel: f64) -> String {
     format!("Lengths on the floor are accurate to \u{b1} {:.1} %.", 100.0 * rel)
 }
 
+fn degrees_of_freedom(dof: i64) -> String {
+    counted(usize::try_from(dof).unwrap_or_default(), "degree of freedom", "degrees of freedom")
+}
+
 pub(super) fn joint_misfit(chi2: f64, dof: i64) -> String {
     format!(
-        "Control points, links and marks contradict each other or the lines (chi-square {chi2:.0}, {dof} degrees of freedom)."
+        "Control points, links and marks contradict each other or the lines (chi-square {chi2:.0}, {}).",
+        degrees_of_freedom(dof)
     )
 }
 

@@ -27,7 +27,7 @@ pub(super) fn read_within(path: &Path, reach: &AllowedFiles) -> FileResult<Vec<u
     let real = path.canonicalize().map_err(|error| format!("{}: {error}", path.display()))?;
     // The checked path is also the path that is read: no link is followed in between.
     if !reach.allows(&real, |path| path.canonicalize().ok()) {
-        let why = "Outside the site's folder, not read. To allow it, use \
+        let why = "This file is outside the site's folder and was not read. To read it, use \
                    \u{201c}Reload images and detect edges again\u{201d}.";
         return Err(format!("{}: {why}", path.display()));
     }
