@@ -233,7 +233,8 @@ fn site_faults(file: &SiteFile, most: f64, allow: &[Code]) -> Vec<String> {
     let is_measured = overlaps.iter().any(|pair| pair.floor_rms_m.is_some());
     if !is_measured && file.site.cameras.len() > 1 {
         faults.push(
-            "no link or mark is visible in two cameras, so cameras cannot be compared on the floor".into(),
+            "no link or mark is visible in two cameras, so the cameras cannot be compared on the floor"
+                .into(),
         );
     }
     let warnings = solution.iter().flat_map(|s| &s.warnings);

@@ -87,7 +87,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     progress.finish_and_clear();
     files::print(&comparison(&demo, &solved, args.format))?;
     print_message(format_args!(
-        "\nWrote {}: site.json (annotations only), solved.json, detections.csv (feet of people who walk through the shop), and the images overlay-*.png, sigma-*.png and overlay-plan.png.",
+        "\nWrote {}: site.json (annotations only), solved.json, detections.csv (foot positions of people who walk through the shop), and the images overlay-*.png, sigma-*.png and overlay-plan.png.",
         folder.display()
     ));
     if args.moved {

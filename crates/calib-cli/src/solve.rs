@@ -44,7 +44,8 @@ fn write_overlaps(out: &mut String, overlaps: &[Overlap]) {
     let shown = &sorted[..sorted.len().min(MAX_ROWS)];
     let names: Vec<String> = shown.iter().map(|pair| pair.cameras.join(" \u{2013} ")).collect();
     let width = names.iter().map(|name| name.chars().count()).chain([30]).max().unwrap_or(0);
-    let _ = writeln!(out, "\n  {:width$} {:>9} {:>10}", "distance on the floor, cm", "measured", "predicted");
+    let _ =
+        writeln!(out, "\n  {:width$} {:>9} {:>10}", "disagreement on the floor, cm", "measured", "predicted");
     for (pair, name) in shown.iter().zip(&names) {
         let cell = |value: Option<f64>| value.map_or_else(|| "-".into(), centimetres);
         let _ =

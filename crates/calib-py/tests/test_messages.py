@@ -173,4 +173,4 @@ def test_a_misfit_names_the_uprights_that_contradict_each_other() -> None:
         return [found.message for found in site.calibrate().findings if found.code == "misfit"]
 
     assert messages(1.75, 1.75, 1.75) == []
-    assert any(re.search(r"Uprights contradict each other: the camera height is .* m from U2 .*, but .* m from", said) for said in messages(1.75, 2.3, 1.75))
+    assert any(re.search(r"Uprights contradict each other: the camera height is .* m according to U2 .*, but .* m according to", said) for said in messages(1.75, 2.3, 1.75))

@@ -55,7 +55,9 @@ pub fn scene_errors_text(errors: &SceneErrors) -> String {
     }
     let SceneErrors { floor_tilt, crossfall, angle, length } = errors;
     let across = match crossfall.to_degrees() {
-        degrees if degrees > 0.0 => format!(", plus {degrees:.1}\u{b0} across markings of equal length"),
+        degrees if degrees > 0.0 => {
+            format!(" (plus {degrees:.1}\u{b0} at right angles to markings of equal length)")
+        }
         _ => String::new(),
     };
     format!(

@@ -299,7 +299,7 @@ impl Shelf for Database {
                     own.add_message(News::Opened(Box::new(found)));
                 }
                 Err(error) => {
-                    own.add_message(News::Trouble(format!("The stored site cannot be opened: {error}.")))
+                    own.add_message(News::Trouble(format!("The stored site cannot be opened ({error}). Reload the page, or open a saved file of the site.")))
                 }
             }
         });
@@ -310,7 +310,7 @@ impl Shelf for Database {
         spawn_local(async move {
             if let Err(error) = JsFuture::from(page::remove(&id)).await {
                 own.add_message(News::Trouble(format!(
-                    "The stored site cannot be removed: {}.",
+                    "The stored site cannot be removed ({}). Reload the page and try again.",
                     exception_name(&error)
                 )));
             }

@@ -147,7 +147,7 @@ impl Editor {
         };
         (plan.metres_per_px, plan.origin_px, plan.x_axis_deg) =
             (world_file.metres_per_px, world_file.origin_px, world_file.x_axis_deg);
-        self.session.note = Some("Scale read from the world file.".into());
+        self.session.note = Some("Position and scale read from the world file.".into());
         self.session.commit(format!("position the plan with {name}"));
     }
 

@@ -310,7 +310,7 @@ impl Tool for Measure {
                 ),
                 MeasurementKind::Height => format!("Click the lower end {where_to}, then the upper end."),
                 MeasurementKind::Area => format!("Click the corners of the area {where_to} in the images."),
-                MeasurementKind::Speed => format!("Click a point of the object {where_to} at the first of the two times."),
+                MeasurementKind::Speed => format!("Click a point of the moving object, {where_to}, at the earlier time."),
             },
         }
     }

@@ -208,7 +208,7 @@ const ENTER_A_SCALE: &str = "Enter a known distance, height or length, or two co
 
 /// Returns the message for a prior that the paper's method does not use; `field` is its JSON field.
 fn unused_prior(field: &str) -> String {
-    format!("The paper's method does not use the prior {field}.")
+    format!("The paper's method does not use the prior on {field}.")
 }
 
 /// Returns the message for lines that are curved in one direction only; `px` is their RMS deviation.
@@ -369,7 +369,7 @@ const fn advice_on_points(fits_exchanged: bool, is_other_image: bool) -> &'stati
              the shape (height, width) and are indexed by [v, u]."
         }
         (false, true) => {
-            "Check that size_px is the size of the annotated image. A stream of the same camera may have another size."
+            "Check that size_px is the size of the annotated image. A stream from the same camera may have a different size."
         }
         (false, false) => "Check these points. A line may extend a little beyond the border.",
     }

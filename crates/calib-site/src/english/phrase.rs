@@ -181,14 +181,14 @@ impl SentenceContext<'_> {
                 " The ratio is 3.28: one of the lengths seems to be in feet. Enter all lengths in metres (1 ft is 0.3048 m)."
             }
             Units::Feet => {
-                " The ratio is 3.28: one of the lengths seems to be in metres. Enter all lengths in feet, or type the unit (1.75 m)."
+                " The ratio is 3.28: one of the lengths seems to be in the wrong unit. In the app, type the unit (1.75 m). The file contains metres."
             }
         }
     }
 
     pub(super) fn scale_conflict(&self, estimated: f64, placed: f64) -> String {
         format!(
-            "The camera height is {} from the annotations and entered values, but {} from its placement.{}",
+            "The camera height is {} according to the annotations and entered values, but {} according to its placement.{}",
             self.length(estimated),
             self.length(placed),
             self.feet(estimated / placed)
@@ -215,7 +215,7 @@ impl SentenceContext<'_> {
         let [(low, lowest), (high, highest)] =
             [lowest, highest].map(|(line, height)| (self.line_of(line), height));
         format!(
-            "Uprights contradict each other: the camera height is {} from {low}, but {} from {high}.{}",
+            "Uprights contradict each other: the camera height is {} according to {low}, but {} according to {high}.{}",
             self.length(lowest),
             self.length(highest),
             self.feet(highest / lowest)
@@ -366,12 +366,12 @@ impl SentenceContext<'_> {
         }
         if cameras.is_empty() {
             return format!(
-                "There is no redundant point, so a wrong click in {} cannot be detected.",
+                "There is no redundant point, so a wrong click cannot be detected in: {}.",
                 enumerated(&names)
             );
         }
         format!(
-            "There is no redundant link with {}, so a wrong click in {} cannot be detected.",
+            "There is no redundant link with {}, so a wrong click cannot be detected in: {}.",
             self.ids(cameras),
             enumerated(&names),
         )
