@@ -3,10 +3,13 @@
 
 use calib_core::camera::{Camera, Covariance, Distortion, Lens, Pixel, WorldPoint};
 use calib_core::outcome::Code;
-use calib_core::single::Annotation;
-use calib_demo::random::{AnnotationSet, RandomScene};
+use calib_core::single::{Annotation, Prior};
+use calib_demo::random::{AnnotationSet, RandomScene, normal};
 use calib_formats::{ExportOptions, export, format, import};
-use calib_site::{LensEntry, Method, Options, SceneEntry, Site, SiteCamera, Solution, Stage};
+use calib_site::{
+    ControlPointEntry, LensEntry, Method, Options, PixelAspectEntry, SceneEntry, Site, SiteCamera, Solution,
+    Stage,
+};
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
@@ -18,7 +21,7 @@ fn squeezed(annotations: &[Annotation], aspect: f64) -> Site {
     let camera = SiteCamera {
         annotations,
         sigma_px: Some(1.0),
-        lens: Some(LensEntry { pixel_aspect: Some(aspect), ..LensEntry::default() }),
+        lens: Some(LensEntry { pixel_aspect: Some(PixelAspectEntry::Known(aspect)), ..LensEntry::default() }),
         ..SiteCamera::new("a", [1920, (1080.0 * aspect) as u32])
     };
     Site { cameras: vec![camera], scene: Some(SceneEntry::EXACT), ..Site::new() }
@@ -91,6 +94,110 @@ fn noise_of_squeezed_pixels_is_that_of_the_image() {
     let rms = errors.map(|sum: f64| (sum / count).sqrt());
     println!("{count} scenes, root mean square over sigma {rms:.2?}");
     assert!(count > 100.0 && rms.iter().all(|rms| (0.85..1.15).contains(rms)), "{rms:?}");
+}
+
+/// Returns the errors of focal length, pitch, roll and pixel aspect, divided by their standard deviations. `None`
+/// if the lines do not determine the camera.
+fn standardised(site: &Site, truth: &Camera, aspect: f64) -> Option<[f64; 4]> {
+    const PARAMETERS: [usize; 4] =
+        [Covariance::FOCAL, Covariance::PITCH, Covariance::ROLL, Covariance::ASPECT];
+    let solution = solve(site)?;
+    let camera = solution.camera()?;
+    assert_eq!(solution.sigma.unwrap().pixel_aspect, camera.covariance.sigma(Covariance::ASPECT));
+    let off = [
+        camera.focal - truth.focal,
+        camera.pitch - truth.pitch,
+        camera.roll - truth.roll,
+        camera.lens.pixel_aspect - aspect,
+    ];
+    let sigmas = PARAMETERS.map(|index| camera.covariance.sigma(index));
+    sigmas[0].filter(|sigma| *sigma < 0.1 * camera.focal)?;
+    sigmas[3].filter(|sigma| *sigma < 0.1 * aspect)?;
+    let mut errors = [0.0; 4];
+    for k in 0..4 {
+        errors[k] = off[k] / sigmas[k]?;
+    }
+    Some(errors)
+}
+
+/// Asserts that standardised errors are normal: their root mean square, and the share inside of 95 % intervals.
+fn assert_normal(errors: &[[f64; 4]], of: &str) {
+    let share = |sum: f64| sum / errors.len() as f64;
+    let rms: [f64; 4] =
+        std::array::from_fn(|k| share(errors.iter().map(|of| of[k] * of[k]).sum::<f64>()).sqrt());
+    let inside: [f64; 4] =
+        std::array::from_fn(|k| share(errors.iter().filter(|of| of[k].abs() < 1.96).count() as f64));
+    println!("{of}: {} scenes, rms {rms:.2?}, 95 % contain {inside:.3?}", errors.len());
+    assert!(rms.iter().all(|rms| (0.85..1.15).contains(rms)), "{of}: {rms:?}");
+    assert!(inside.iter().all(|inside| (0.91..=0.99).contains(inside)), "{of}: {inside:?}");
+}
+
+#[test]
+fn intervals_include_an_uncertain_aspect() {
+    /// Spread of the pixel aspect of calibrated cameras.
+    const SIGMA: f64 = 0.01;
+    let mut random = ChaCha8Rng::seed_from_u64(64);
+    let mut errors = Vec::new();
+    for _ in 0..250 {
+        let scene = RandomScene::new(&mut random, AnnotationSet::Directions, None, None);
+        let aspect = 1.0 + SIGMA * normal(&mut random);
+        let mut site = squeezed(&scene.noisy(&mut random, 1.0), aspect);
+        let prior = PixelAspectEntry::Prior(Prior { value: 1.0, sigma: SIGMA });
+        site.cameras[0].lens.get_or_insert_default().pixel_aspect = Some(prior);
+        errors.extend(standardised(&site, &scene.camera, aspect));
+    }
+    assert!(errors.len() > 180, "{}", errors.len());
+    assert_normal(&errors, "uncertain aspect");
+}
+
+#[test]
+fn lines_in_three_directions_determine_the_aspect() {
+    let mut random = ChaCha8Rng::seed_from_u64(65);
+    let mut errors = Vec::new();
+    for round in 0..200 {
+        let aspect = [0.46, 0.9, 1.33, 2.0][round % 4];
+        let scene = RandomScene::new(&mut random, AnnotationSet::Directions, None, None);
+        let exact = squeezed(&scene.annotations, aspect);
+        let mut site = exact.clone();
+        let drawn = RandomScene { annotations: exact.cameras[0].annotations.clone(), ..scene.clone() };
+        site.cameras[0].annotations = drawn.noisy(&mut random, 1.0);
+        site.cameras[0].lens.get_or_insert_default().pixel_aspect = Some(PixelAspectEntry::Fit);
+        errors.extend(standardised(&site, &scene.camera, aspect));
+    }
+    assert!(errors.len() > 100, "{}", errors.len());
+    assert_normal(&errors, "fitted aspect");
+}
+
+#[test]
+fn known_points_determine_the_aspect() {
+    let mut random = ChaCha8Rng::seed_from_u64(66);
+    let mut count = 0;
+    for round in 0..40 {
+        let aspect = [0.46, 2.0][round % 2];
+        let scene = RandomScene::new(&mut random, AnnotationSet::Directions, None, None);
+        let truth = scene.camera;
+        let mut site = squeezed(&[], aspect);
+        let entry = &mut site.cameras[0];
+        entry.lens.get_or_insert_default().pixel_aspect = Some(PixelAspectEntry::Fit);
+        for (u, v) in [(300.0, 1000.0), (1700.0, 980.0), (700.0, 700.0), (1300.0, 640.0), (950.0, 850.0)] {
+            let Some(floor) = truth.pixel_to_floor(Pixel::new(u, v), 0.0) else { continue };
+            let px = Pixel::new(u + normal(&mut random), aspect * v + normal(&mut random));
+            let world_m = Some(WorldPoint::new(floor.x, floor.y, 0.0));
+            entry.control_points.push(ControlPointEntry { world_m, ..ControlPointEntry::new(px) });
+        }
+        if entry.control_points.len() < 5 {
+            continue;
+        }
+        let Some(camera) = solve(&site).and_then(|solution| solution.camera()) else { continue };
+        let Some(sigma) = camera.covariance.sigma(Covariance::ASPECT).filter(|sigma| *sigma < 0.1 * aspect)
+        else {
+            continue;
+        };
+        let off = (camera.lens.pixel_aspect - aspect) / sigma;
+        assert!(off.abs() < 4.5, "{off} {sigma} {}", camera.lens.pixel_aspect);
+        count += 1;
+    }
+    assert!(count > 20, "{count}");
 }
 
 #[test]

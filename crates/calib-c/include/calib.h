@@ -70,7 +70,7 @@
 
 // Number of parameters of a camera: x, y, z, yaw, pitch, roll, focal length, five distortion coefficients
 // and the principal point.
-#define CALIB_UNKNOWNS 14
+#define CALIB_UNKNOWNS 15
 
 // Result of a call.
 typedef enum CalibResult {

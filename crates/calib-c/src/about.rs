@@ -300,7 +300,7 @@ const fn name_of(model: DistortionModel) -> &'static CStr {
 
 /// Number of parameters of a camera: x, y, z, yaw, pitch, roll, focal length, five distortion coefficients
 /// and the principal point.
-pub const CALIB_UNKNOWNS: usize = 14;
+pub const CALIB_UNKNOWNS: usize = 15;
 
 const _: () = assert!(
     CALIB_UNKNOWNS == Covariance::SIZE,

@@ -4,8 +4,8 @@ use calib_core::camera::angles_from_rotation;
 use calib_core::single::Known;
 use calib_core::{Camera, Covariance, Distortion, Lens, Pixel, WorldPoint};
 use calib_site::{
-    ControlPointEntry, DistortionEntry, LensEntry, Method, PrincipalPointEntry, Site, SiteCamera, Solution,
-    Stage,
+    ControlPointEntry, DistortionEntry, LensEntry, Method, PixelAspectEntry, PrincipalPointEntry, Site,
+    SiteCamera, Solution, Stage,
 };
 
 use crate::file::{FormatError, Problem, quoted};
@@ -133,7 +133,7 @@ impl ImportedCamera {
         let mut entry = SiteCamera { image: self.image.clone(), ..SiteCamera::new(self.id.clone(), size) };
         entry.lens = Some(LensEntry {
             focal_px: Some(Known::fixed(focal)),
-            pixel_aspect: (pixel_aspect != 1.0).then_some(pixel_aspect),
+            pixel_aspect: (pixel_aspect != 1.0).then_some(PixelAspectEntry::Known(pixel_aspect)),
             principal_point_px: Some(PrincipalPointEntry::known(principal_point)),
             distortion: DistortionEntry::from_lens(&lens, focal),
             ..LensEntry::default()

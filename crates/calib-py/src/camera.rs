@@ -410,7 +410,7 @@ impl Camera {
         if corners.is_empty() { Ok(PyArray2::zeros(py, [0, 2], false)) } else { matrix(py, &corners) }
     }
 
-    /// Covariance of the camera's parameters, shape (14, 14).
+    /// Covariance of the camera's parameters, shape (15, 15).
     ///
     /// Their order is x, y, z (metres), yaw, pitch, roll (radians), focal length (pixels of the calibrated
     /// image), five distortion coefficients in the order of their model, and the principal point u, v (pixels

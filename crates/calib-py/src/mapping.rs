@@ -195,7 +195,7 @@ impl Camera {
     ///     origin, stream_size, fit, crop: kind of pixels, see the class.
     ///
     /// Returns:
-    ///     Array of the shape (..., 2, 14), in metres per unit of the parameter; NaN without a floor point.
+    ///     Array of the shape (..., 2, 15), in metres per unit of the parameter; NaN without a floor point.
     #[pyo3(
         signature = (u, v, **stream),
         text_signature = "($self, u, v, *, origin=None, stream_size=None, fit=None, crop=None)"

@@ -62,9 +62,9 @@ def test_camera_docstring_names_its_constructor_and_keywords() -> None:
 
 @pytest.mark.parametrize(("name", "shape"), [
     ("Camera.to_floor", "shape of u and v"), ("Camera.boxes_to_floor", "(..., 4)"), ("Camera.floor_covariance", "(..., 2, 2)"),
-    ("Camera.boxes_covariance", "(..., 2, 2)"), ("Camera.floor_jacobian", "(..., 2, 14)"), ("Camera.rays", "(..., 3)"),
+    ("Camera.boxes_covariance", "(..., 2, 2)"), ("Camera.floor_jacobian", "(..., 2, 15)"), ("Camera.rays", "(..., 3)"),
     ("Camera.camera_matrix", "(3, 3)"), ("Camera.projection_matrix", "(3, 4)"), ("Camera.floor_from_pixel", "(3, 3)"),
-    ("Camera.covariance", "(14, 14)"), ("Camera.efov", "(n, 2)"), ("Undistorter.apply", "(height, width, 3)"),
+    ("Camera.covariance", "(15, 15)"), ("Camera.efov", "(n, 2)"), ("Undistorter.apply", "(height, width, 3)"),
     ("vertical", "(segments, points, 2)"), ("straight", "(points, 2)"),
 ])
 def test_docstrings_contain_the_shape(name: str, shape: str) -> None:

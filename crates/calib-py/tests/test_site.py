@@ -38,7 +38,7 @@ def test_a_site_created_in_python_is_calibrated() -> None:
     assert solved.cameras == ["door"] and solved != site
     camera = solved.camera("door")
     assert camera.position[:2] == pytest.approx((4.0, -2.0)) and 20 < camera.pitch_deg < 40
-    assert camera.covariance.shape == (14, 14) and camera.efov.shape[1] == 2
+    assert camera.covariance.shape == (15, 15) and camera.efov.shape[1] == 2
     assert all(isinstance(found, calib.Finding) and found.advice for found in solved.findings)
     x, y, status = camera.to_floor(960.0, 800.0)
     u, v, _ = camera.to_pixel(x, y)

@@ -15,7 +15,7 @@ use calib_core::bundle::{
 use calib_core::camera::{Camera, Covariance, Lens, Pixel, WorldPoint};
 use calib_core::floor::STAGE_1_HEIGHT;
 use calib_core::outcome::{Failure, Source};
-use calib_core::single::{FixedParameters, PlanePrior, PrincipalPointPrior, Priors};
+use calib_core::single::{FixedParameters, PlanePrior, PrincipalPointPrior, Prior, Priors};
 
 /// Result of the bundle adjustment of a site.
 #[derive(Clone, Debug, Default)]
@@ -222,7 +222,7 @@ fn bundle_cameras<'a>(entries: &[&SiteCamera], members: &[Option<Member<'a>>]) -
     for index in 0..cameras.len() {
         let Some(owner) = cameras[index].shared_lens else { continue };
         if cameras[owner].camera.lens.distortion.is_wide() && cameras[owner].free_lens[Lens::CENTRE] {
-            cameras[index].free_lens[Lens::CENTRE..].fill(true);
+            cameras[index].free_lens[Lens::CENTRE..Lens::ASPECT].fill(true);
         }
     }
     cameras
@@ -268,6 +268,7 @@ impl<'a> Member<'a> {
             fixed_pose: self.fixed_pose(),
             size: entry.size(),
             principal_point: single.principal_point.unwrap_or(PrincipalPointPrior::of_image(entry.size())),
+            pixel_aspect: single.pixel_aspect.unwrap_or(Prior { value: own.lens.pixel_aspect, sigma: 1.0 }),
             fixed: if entry.is_given() { given } else { single.fixed },
             priors: if entry.is_given() {
                 Priors::default()
@@ -372,8 +373,9 @@ impl<'a> Member<'a> {
         // The lens fit of a fisheye has its own prior, not an entered one.
         let is_entered = self.entry.entered_principal_point().is_some();
         if self.single.fits_principal_point() || self.single.principal_point.is_some() && is_entered {
-            free[Lens::CENTRE..].fill(true);
+            free[Lens::CENTRE..Lens::ASPECT].fill(true);
         }
+        free[Lens::ASPECT] = self.single.pixel_aspect.is_some();
         free
     }
 }

@@ -287,7 +287,10 @@ fn check_lens(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
         sigma.map_or(Ok(()), |sigma| Bounds::POSITIVE.check(&at.key("sigma"), sigma))?;
     }
     if let Some(aspect) = lens.pixel_aspect {
-        Bounds::PIXEL_ASPECT.check(&at.key("pixel_aspect"), aspect)?;
+        let at = at.key("pixel_aspect");
+        Bounds::PIXEL_ASPECT.check(&at, aspect.start(camera.size_px))?;
+        let sigma = aspect.prior(camera.size_px).map(|prior| prior.sigma);
+        sigma.map_or(Ok(()), |sigma| Bounds::POSITIVE.check(&at.key("sigma"), sigma))?;
     }
     if let Some(circle) = lens.image_circle_px {
         check_circle(&at.key("image_circle_px"), circle)?;

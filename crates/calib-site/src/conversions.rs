@@ -440,10 +440,16 @@ impl SiteCamera {
         self.lens.as_ref()?.image_circle_px
     }
 
-    /// Returns the entered pixel aspect; 1 if none is entered.
+    /// Returns the entered pixel aspect, or the value from which its estimate starts; 1 if none is entered.
     #[must_use]
     pub fn pixel_aspect(&self) -> f64 {
-        self.lens.as_ref().and_then(|lens| lens.pixel_aspect).unwrap_or(1.0)
+        let entry = self.lens.as_ref().and_then(|lens| lens.pixel_aspect);
+        entry.map_or(1.0, |entry| entry.start(self.size_px))
+    }
+
+    /// Returns the prior on the pixel aspect; `None` if the pixel aspect is known.
+    pub(crate) fn pixel_aspect_prior(&self) -> Option<Prior> {
+        self.lens.as_ref()?.pixel_aspect?.prior(self.size_px)
     }
 
     /// Returns the entered lens: with fixed coefficients, otherwise without distortion.

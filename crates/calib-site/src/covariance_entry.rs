@@ -26,6 +26,7 @@ pub(crate) fn unit_in_file(index: usize) -> f64 {
 pub(crate) fn parameter_name(index: usize, distortion: &Distortion) -> Option<&'static str> {
     let own = || match index {
         Covariance::CENTRE => Some("cx_px"),
+        Covariance::ASPECT => Some("pixel_aspect"),
         index if index > Covariance::CENTRE => Some("cy_px"),
         _ => distortion.names().get(index.checked_sub(Covariance::LENS)?).map(|which| which.name()),
     };
@@ -120,7 +121,7 @@ impl CovarianceEntry {
 
 impl Sigmas {
     /// Returns the standard deviations with the names of their parameters.
-    const fn named_values(&self) -> [(&'static str, Option<f64>); 16] {
+    const fn named_values(&self) -> [(&'static str, Option<f64>); 17] {
         [
             ("x_m", self.x_m),
             ("y_m", self.y_m),
@@ -138,6 +139,7 @@ impl Sigmas {
             ("lambda", self.lambda),
             ("cx_px", self.cx_px),
             ("cy_px", self.cy_px),
+            ("pixel_aspect", self.pixel_aspect),
         ]
     }
 
@@ -169,6 +171,7 @@ impl Sigmas {
             lambda: sigma("lambda"),
             cx_px: sigma("cx_px"),
             cy_px: sigma("cy_px"),
+            pixel_aspect: sigma("pixel_aspect"),
             floor_length_rel,
         }
     }

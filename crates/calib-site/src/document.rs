@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bounds;
 use crate::data_sheet::Nominal;
+use crate::pixel_aspect::PixelAspectEntry;
 use crate::principal_point::PrincipalPointEntry;
 use crate::scene::PlaneEntry;
 use crate::scene::SceneEntry;
@@ -467,10 +468,11 @@ document! {
         /// the centre. A fisheye has the centre of its image circle instead, if that is entered.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         principal_point_px: Option<PrincipalPointEntry>,
-        /// Pixel aspect: width over height of a pixel, which is the ratio of the focal lengths `fy / fx`. If
-        /// absent, pixels are square.
+        /// Pixel aspect: width over height of a pixel, which is the ratio of the focal lengths `fy / fx`. A
+        /// number is known. An object with `value` and `sigma` is estimated with this prior. `{"fit": true}` is
+        /// estimated from the lines. If absent, pixels are square.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        pixel_aspect: Option<f64>,
+        pixel_aspect: Option<PixelAspectEntry>,
         /// Image circle of a fisheye: centre and radius, in pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         image_circle_px: Option<ImageCircle>,

@@ -147,7 +147,7 @@ pub use measurement::{MeasurementError, speed_limits};
 pub use options::Options;
 pub use period::CameraLookupError;
 pub use pipeline::Report;
-pub use pixel_aspect::usual_pixel_aspect;
+pub use pixel_aspect::{PixelAspectEntry, usual_pixel_aspect};
 pub use principal_point::PrincipalPointEntry;
 pub use recovered::{ImageTransfer, NewImage, Recovered};
 pub use scene::{ExactScene, PlaneEntry, PlaneNumber, PlaneSolution, SceneEntry, SceneSigmas, TiltEntry};

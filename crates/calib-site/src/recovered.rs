@@ -13,12 +13,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::document::{ControlPointEntry, LensEntry, PlacementEntry, Site, SiteCamera};
 use crate::document::{Link, LinkObservation, Mark};
+use crate::pixel_aspect::PixelAspectEntry;
 use crate::principal_point::PrincipalPointEntry;
 use crate::solution::{DistortionEntry, Method, Solution, Stage};
 use calib_core::camera::RotationZoom;
 use calib_core::camera::{Camera, Covariance, Pixel};
 use calib_core::floor::STAGE_1_HEIGHT;
-use calib_core::single::{Annotation, Known, Shape, line_name};
+use calib_core::single::{Annotation, Known, Prior, Shape, line_name};
 
 /// Transfer of image points from the old image to the new one.
 pub trait ImageTransfer {
@@ -256,6 +257,9 @@ fn lens(old: &SiteCamera, camera: &Camera, turn: &RotationZoom, refits: bool) ->
     };
     let is_estimated = camera.lens.distortion.is_wide() || centre().sigma.is_some();
     let centre = (!is_fitted && is_estimated).then(centre);
+    let aspect = camera.covariance.sigma(Covariance::ASPECT);
+    let aspect =
+        aspect.map(|sigma| PixelAspectEntry::Prior(Prior { value: camera.lens.pixel_aspect, sigma }));
     let held = || {
         let of = DistortionEntry::from_lens(&camera.lens, camera.focal)?;
         Some(DistortionEntry { focal_px: Some(of.focal_px.unwrap_or(camera.focal)), ..of })
@@ -269,7 +273,7 @@ fn lens(old: &SiteCamera, camera: &Camera, turn: &RotationZoom, refits: bool) ->
         // After a zoom, the camera has its own focal length.
         like: entry.like.filter(|_| turn.zoom == 0.0),
         principal_point_px: centre.or(entry.principal_point_px),
-        pixel_aspect: entry.pixel_aspect,
+        pixel_aspect: aspect.or(entry.pixel_aspect),
         image_circle_px: entry.image_circle_px,
         ..LensEntry::default()
     };

@@ -249,6 +249,9 @@ document! {
         /// Standard deviation of the principal point along v, in pixels.
         #[serde(default, skip_serializing_if = "Option::is_none", alias = "principal_point_v_px")]
         cy_px: Option<f64>,
+        /// Standard deviation of the pixel aspect.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pixel_aspect: Option<f64>,
         /// Relative standard deviation of floor lengths inside the EFOV.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         floor_length_rel: Option<f64>,

@@ -66,6 +66,8 @@ pub struct BundleCamera<'a> {
     pub size: [f64; 2],
     /// Prior on the principal point, used if the principal point is estimated.
     pub principal_point: PrincipalPointPrior,
+    /// Prior on the pixel aspect, used if the pixel aspect is estimated.
+    pub pixel_aspect: Prior,
     /// Fixed values of roll, pitch, focal length and height. A fixed height replaces the height of `camera`.
     /// For the other parameters the values of `camera` are used.
     pub fixed: FixedParameters,
@@ -86,10 +88,15 @@ pub struct BundleCamera<'a> {
     /// lens must not share another camera's lens.
     pub shared_lens: Option<usize>,
     /// Flags of the estimated lens parameters, in the order of [`Lens::PARAMETERS`]. For a shared lens the
-    /// flags of its owner apply, except for the principal point, which every camera has for itself. If the
+    /// flags of its owner apply, except for the principal point and the pixel aspect, which every camera has
+    /// for itself. If the
     /// own focal length of a wide lens is free, it equals the focal length of the camera.
     pub free_lens: [bool; Lens::PARAMETERS],
 }
+
+/// Standard deviation of the pixel aspect of calibrated cameras: published calibrations differ from square
+/// pixels by 0.1 % to 1 %.
+const MEASURED_ASPECT_SIGMA: f64 = 0.005;
 
 /// Constraints of a camera without annotations.
 static NO_CONSTRAINTS: Constraints = Constraints::EMPTY;
@@ -106,6 +113,7 @@ impl<'a> BundleCamera<'a> {
             fixed_pose: FixedPose::default(),
             size,
             principal_point: PrincipalPointPrior::of_image(size),
+            pixel_aspect: Prior { value: camera.lens.pixel_aspect, sigma: MEASURED_ASPECT_SIGMA },
             fixed: FixedParameters {
                 roll: Some(camera.roll),
                 pitch: Some(camera.pitch),
@@ -186,7 +194,7 @@ impl<'a> BundleCamera<'a> {
         self.free_lens.contains(&true)
     }
 
-    /// Whether lens parameters besides the principal point are estimated.
+    /// Whether lens parameters besides the principal point and the pixel aspect are estimated.
     fn fits_distortion(&self) -> bool {
         self.free_lens[..Lens::CENTRE].contains(&true)
     }
@@ -230,6 +238,8 @@ pub(crate) struct View<'a> {
     pub(crate) size: [f64; 2],
     /// Prior on the principal point.
     pub(crate) principal_point: PrincipalPointPrior,
+    /// Prior on the pixel aspect.
+    pub(crate) pixel_aspect: Prior,
     /// Whether the focal length of a wide lens and the focal length of the camera are one estimated
     /// parameter.
     pub(crate) has_tied_focal: bool,
@@ -268,6 +278,7 @@ impl<'a> View<'a> {
             edges,
             size: entry.size,
             principal_point: entry.principal_point,
+            pixel_aspect: entry.pixel_aspect,
             has_tied_focal: owner.has_tied_focal(),
         }
     }
@@ -282,7 +293,7 @@ impl View<'_> {
     }
 
     /// Returns the residuals of the priors on the free lens parameters. If `is_owner` is false, the view shares the
-    /// lens of another view, and only the principal point has a prior.
+    /// lens of another view, and only the principal point and the pixel aspect have priors.
     pub(crate) fn lens_prior_residuals(
         &self,
         lens: &Lens,
@@ -291,7 +302,8 @@ impl View<'_> {
     ) -> Vec<LensResidual> {
         let free: Vec<usize> = free.iter().copied().filter(|&k| is_owner || k >= Lens::CENTRE).collect();
         let of_slope = if is_owner { slope_prior(lens, self.outermost) } else { None };
-        lens_prior(lens, self.size, self.principal_point, &free).into_iter().chain(of_slope).collect()
+        let priors = (self.principal_point, self.pixel_aspect);
+        lens_prior(lens, self.size, priors, &free).into_iter().chain(of_slope).collect()
     }
 
     /// Adds the derivatives with respect to the lens parameters to the derivatives with respect to the

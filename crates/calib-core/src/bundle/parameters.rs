@@ -261,5 +261,6 @@ pub(crate) fn parameters_of(camera: &Camera) -> [f64; CAMERA_PARAMS] {
     let [x, y, z] = camera.position.into();
     let [a, b, c, d, e] = camera.lens.distortion.fitted_coefficients();
     let Pixel { u, v } = camera.lens.principal_point;
-    [x, y, z, camera.yaw, camera.pitch, camera.roll, camera.focal.ln(), a, b, c, d, e, u, v]
+    let aspect = camera.lens.pixel_aspect;
+    [x, y, z, camera.yaw, camera.pitch, camera.roll, camera.focal.ln(), a, b, c, d, e, u, v, aspect]
 }

@@ -132,7 +132,7 @@ impl<'a> BundleProblem<'a> {
                 *value = state[self.blocks.parameter_index(*at)];
             }
         }
-        let [x, y, z, yaw, pitch, roll, log_focal, a, b, c, d, e, u, v] = values;
+        let [x, y, z, yaw, pitch, roll, log_focal, a, b, c, d, e, u, v, pixel_aspect] = values;
         // A fixed focal length is copied, because the logarithm and its inverse would round it.
         let fits_focal = self.camera_layout[view][Covariance::FOCAL].is_some();
         let focal = if fits_focal { log_focal.exp() } else { camera.focal };
@@ -141,7 +141,7 @@ impl<'a> BundleProblem<'a> {
             focal: if self.views[view].has_tied_focal { focal } else { camera.lens.focal },
             distortion: camera.lens.distortion.with_fitted_coefficients([a, b, c, d, e]),
             image_circle: None,
-            pixel_aspect: camera.lens.pixel_aspect,
+            pixel_aspect,
         };
         Camera { position: [x, y, z].into(), yaw, pitch, roll, focal, lens, ..camera }
     }
@@ -233,6 +233,9 @@ impl<'a> BundleProblem<'a> {
         let this = &self.views[view];
         if !self.lens_is_free(view) {
             return Some(());
+        }
+        if camera.lens.pixel_aspect <= 0.0 {
+            return None;
         }
         if !this.edges.is_empty() && !camera.lens.covers_image(this.size) {
             return None;

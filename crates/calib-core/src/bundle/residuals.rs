@@ -171,12 +171,13 @@ mod tests {
         let division = (-0.2..0.1_f64).prop_map(|lambda| Distortion::Division { lambda });
         let fisheye = [-0.05..0.05_f64, -0.01..0.01_f64]
             .prop_map(|[a, b]| Distortion::KannalaBrandt { k: [a, b, 0.0, 0.0] });
-        prop_oneof![Just(Distortion::None), brown, division, fisheye].prop_map(|distortion| Lens {
+        let distortions = prop_oneof![Just(Distortion::None), brown, division, fisheye];
+        (distortions, 0.7..1.4_f64).prop_map(|(distortion, pixel_aspect)| Lens {
             principal_point: Pixel::new(960.0, 540.0),
             focal: 1100.0,
             distortion,
             image_circle: None,
-            pixel_aspect: 1.0,
+            pixel_aspect,
         })
     }
 

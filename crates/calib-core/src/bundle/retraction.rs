@@ -107,7 +107,7 @@ mod tests {
     use crate::bundle::copies::Copies;
     use crate::bundle::landmark::Observation;
     use crate::camera::{Camera, Lens, Pixel, WorldPoint};
-    use crate::single::{Constraints, FixedParameters, PrincipalPointPrior, Priors, Problem};
+    use crate::single::{Constraints, FixedParameters, PrincipalPointPrior, Prior, Priors, Problem};
 
     static NONE: Constraints = Constraints::EMPTY;
 
@@ -138,6 +138,7 @@ mod tests {
                 edge_counts: Vec::new(),
                 size: [1920.0, 1080.0],
                 principal_point: PrincipalPointPrior::of_image([1920.0, 1080.0]),
+                pixel_aspect: Prior { value: 1.0, sigma: 0.01 },
                 has_tied_focal: false,
             }
         };

@@ -3,8 +3,8 @@
 use crate::camera::lens::Lens;
 
 /// Covariance matrix of the camera parameters. They are x0, y0, z0 (metres), yaw, pitch, roll (radians),
-/// focal length (pixels), distortion coefficients, and principal point (pixels). The coefficients refer to
-/// the focal length of the lens, [`Lens::focal`].
+/// focal length (pixels), distortion coefficients, principal point (pixels), and pixel aspect. The
+/// coefficients refer to the focal length of the lens, [`Lens::focal`].
 ///
 /// Rows and columns of parameters that were not estimated are zero. An infinite variance means that the error
 /// of the parameter is unknown.
@@ -32,6 +32,8 @@ impl Covariance {
     pub const LENS: usize = 7;
     /// Index of the u coordinate of the principal point; v follows.
     pub const CENTRE: usize = Self::LENS + Lens::CENTRE;
+    /// Index of the pixel aspect.
+    pub const ASPECT: usize = Self::LENS + Lens::ASPECT;
     /// Names in files of the parameters before the distortion coefficients. The suffix is the unit in files.
     pub const NAMES: [&str; Self::LENS] =
         ["x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "roll_deg", "focal_px"];

@@ -240,6 +240,8 @@ impl<'a> PlaneJacobian<'a> {
             let [by_u, by_v] = self.by_pixel();
             let away = |[x, y]: [f64; 2]| [-x, -y];
             [by[Covariance::CENTRE], by[Covariance::CENTRE + 1]] = [away(by_u), away(by_v)];
+            let down = lens.to_square_pixel(self.pixel).v - lens.principal_point.v;
+            by[Covariance::ASPECT] = away(by_v).map(|by| down * by);
         } else {
             let by_lens = lens.bearing_by_parameters(self.pixel, self.bearing);
             for (by, change) in by[Covariance::LENS..].iter_mut().zip(by_lens) {
@@ -302,7 +304,7 @@ mod tests {
             };
             let by = here.by_parameters();
             let of_lens = 0..Covariance::LENS + camera.lens.distortion.names().len();
-            for index in of_lens.chain([Covariance::CENTRE, Covariance::CENTRE + 1]) {
+            for index in of_lens.chain(Covariance::CENTRE..Covariance::SIZE) {
                 let step = if index == Covariance::FOCAL { STEP * camera.focal } else { STEP };
                 let at = |share: f64| point(&camera.nudged(index, share * step), pixel, &plane);
                 let difference = |share: f64| {

@@ -31,14 +31,16 @@ pub struct Lens {
 pub(crate) type ByParameters = [ByCoefficient; Lens::PARAMETERS];
 
 impl Lens {
-    /// Number of parameters: the distortion coefficients, then u and v of the principal point. For a wide
-    /// lens, the parameter before the principal point is the log of the focal length of the lens. No wide
-    /// model uses it as a coefficient.
-    pub const PARAMETERS: usize = Distortion::MAX_FITTED + 2;
+    /// Number of parameters: the distortion coefficients, then u and v of the principal point, and the pixel
+    /// aspect. For a wide lens, the parameter before the principal point is the log of the focal length of
+    /// the lens. No wide model uses it as a coefficient.
+    pub const PARAMETERS: usize = Distortion::MAX_FITTED + 3;
     /// Index of the log of the focal length of the lens, for wide lenses only.
     pub const LENS_FOCAL: usize = Distortion::MAX_FITTED - 1;
     /// Index of the u coordinate of the principal point; v follows.
     pub const CENTRE: usize = Distortion::MAX_FITTED;
+    /// Index of the pixel aspect.
+    pub const ASPECT: usize = Self::CENTRE + 2;
 
     /// Creates a lens without distortion.
     #[must_use]
@@ -195,7 +197,22 @@ impl Lens {
         [by[Self::CENTRE], by[Self::CENTRE + 1]] = [u, v];
         // A change of v of the principal point moves the square pixels by 1 / aspect as much.
         by[Self::CENTRE + 1] = by[Self::CENTRE + 1].times(self.pixel_aspect.recip());
+        by[Self::ASPECT] = by[Self::CENTRE + 1].times(self.down(distorted));
+        let [u, v, ahead] = self.distortion.ray_jacobian(distorted, ray);
+        for (by, along) in by[Self::ASPECT].jacobian.iter_mut().zip([u, v, ahead.map(|by| by / self.focal)]) {
+            by[1] -= along[1] / self.pixel_aspect;
+        }
         by.map(|by| RayByCoefficient { jacobian: self.by_raw_pixel(by.jacobian), ..by })
+    }
+
+    /// Returns the distance of a normalised point q below the principal point, in square pixels.
+    ///
+    /// It is the factor between the derivatives with respect to v of the principal point c and with respect
+    /// to the pixel aspect a. With `q_y = (v - c_v) / (a f)`, a change of `c_v` has `a f dq_y = -dc_v`. A
+    /// change of a has `a f dq_y = -q_y f da`. The Jacobian with respect to the raw pixel also contains a
+    /// factor 1 / a in its second column, which changes by `-da / a` relative to its value.
+    fn down(&self, distorted: [f64; 2]) -> f64 {
+        self.focal * distorted[1]
     }
 
     /// Returns the derivatives of a bearing and of its Jacobian with respect to the log of the focal length
@@ -251,6 +268,10 @@ impl Lens {
         let mut by = self.bearing_by_parameters(pixel, bearing).map(|by| in_rays(by.jacobian));
         // The Jacobian of w in a bearing contains the factor 1 / f. The derivative of this factor is removed.
         by[Self::LENS_FOCAL][2] += turn[2];
+        // A change of the aspect changes the raw step, too. This derivative is also removed.
+        let down = jacobian.map(|row| row[1] * v / radius);
+        let of_step = [down[0], down[1], down[2] * self.focal];
+        by[Self::ASPECT].iter_mut().zip(of_step).for_each(|(by, step)| *by += step);
         let by = by.map(|change| -turn.iter().zip(change).map(|(a, b)| a * b).sum::<f64>() / square);
         // On the optical axis the slope is 1 and does not depend on the parameters.
         if radius < 1e-6 { Some((0.0, [0.0; Self::PARAMETERS])) } else { Some((-0.5 * square.ln(), by)) }
@@ -274,6 +295,7 @@ impl Lens {
         match parameter {
             Self::LENS_FOCAL if self.distortion.is_wide() => lens.focal *= by.exp(),
             Self::CENTRE => lens.principal_point.u += by,
+            Self::ASPECT => lens.pixel_aspect += by,
             coefficient if coefficient < Self::CENTRE => {
                 let mut coefficients = self.distortion.fitted_coefficients();
                 coefficients[coefficient] += by;
@@ -338,6 +360,10 @@ impl Lens {
             by[Self::CENTRE + axis] = ByCoefficient { at, jacobian: [u, v] };
         }
         by[Self::CENTRE + 1] = by[Self::CENTRE + 1].times(self.pixel_aspect.recip());
+        by[Self::ASPECT] = by[Self::CENTRE + 1].times(self.down(distorted));
+        for (by, along) in by[Self::ASPECT].jacobian.iter_mut().zip([xv, yv]) {
+            by[1] -= along / self.pixel_aspect;
+        }
         by.map(|by| ByCoefficient { jacobian: self.by_raw_pixel(by.jacobian), ..by })
     }
 

@@ -93,8 +93,9 @@ pub(super) struct FlowCovariance {
     lens_with_pose: [Flow; Lens::PARAMETERS],
     /// Covariance of the lens parameters.
     lens: [[f64; Lens::PARAMETERS]; Lens::PARAMETERS],
-    /// Whether the principal point was estimated.
-    has_centre: bool,
+    /// Number of estimated lens parameters after the distortion coefficients: 0, 2 (principal point) or 3
+    /// (with the pixel aspect).
+    after_coefficients: usize,
 }
 
 /// Coefficients of 1, x, y, xx, xy and yy of a polynomial in x and y.
@@ -156,7 +157,13 @@ impl FlowCovariance {
             along: [along[0], along[1], along[2], 0.5 * of(6, 6), of(6, 7), 0.5 * of(7, 7)],
             lens_with_pose: std::array::from_fn(lens_with_pose),
             lens: std::array::from_fn(|i| std::array::from_fn(|j| lens(i, j))),
-            has_centre: is_estimated(&Covariance::CENTRE) || is_estimated(&(Covariance::CENTRE + 1)),
+            after_coefficients: if is_estimated(&Covariance::ASPECT) {
+                3
+            } else if is_estimated(&Covariance::CENTRE) || is_estimated(&(Covariance::CENTRE + 1)) {
+                2
+            } else {
+                0
+            },
         }
     }
 
@@ -319,9 +326,10 @@ impl<'a> CovarianceLanes<'a> {
         // A closure would be compiled without the vector instructions of the caller.
         let Some(flow) = &self.flow else { return [pixel, [[f64::NAN; N]; 3]] };
         let mut calibration = flow.pose_covariance(&points.x, &points.y);
-        if flow.has_centre {
+        if flow.after_coefficients > 0 {
             let by_raw = slopes(&self.minors, &a, &b).by_pixel_of_aspect(aspect).at_points(&points.square);
-            flow.add_lens(&mut calibration, [&points.x, &points.y], Lens::CENTRE, &by_raw.by_centre());
+            let moves = &by_raw.by_centre_and_aspect(&b)[..flow.after_coefficients];
+            flow.add_lens(&mut calibration, [&points.x, &points.y], Lens::CENTRE, moves);
         }
         [pixel, calibration]
     }
@@ -357,8 +365,9 @@ impl<'a> CovarianceLanes<'a> {
                 moved[1][i] = -(ya[i] * dx + yb[i] * dy);
             }
         }
-        moves[Lens::CENTRE..].copy_from_slice(&by_raw.by_centre());
-        let moves = if flow.has_centre { &moves[..] } else { &moves[..Lens::CENTRE] };
+        let down = y.map(|y| lens_focal * y);
+        moves[Lens::CENTRE..].copy_from_slice(&by_raw.by_centre_and_aspect(&down));
+        let moves = &moves[..Lens::CENTRE + flow.after_coefficients];
         flow.add_lens(&mut calibration, [&points.x, &points.y], 0, moves);
         [pixel, calibration]
     }
@@ -416,11 +425,20 @@ impl<const N: usize> Slopes<N> {
         self
     }
 
-    /// Returns the displacements of the points by u and v of the principal point: the negative derivatives
-    /// by the raw pixel.
+    /// Returns the displacements of the points by u and v of the principal point, and by the pixel aspect.
+    /// The first two are the negative derivatives by the raw pixel. The third is the second, multiplied by
+    /// the distance `down` of the distorted square pixel below the principal point.
     #[inline(always)]
-    fn by_centre(&self) -> [[Lanes<N>; 2]; 2] {
-        [0, 1].map(|k| [0, 1].map(|row: usize| self.0[row][k].map(|by| -by)))
+    fn by_centre_and_aspect(&self, down: &Lanes<N>) -> [[Lanes<N>; 2]; 3] {
+        let mut by = [[[0.0; N]; 2]; 3];
+        for row in 0..2 {
+            for i in 0..N {
+                by[0][row][i] = -self.0[row][0][i];
+                by[1][row][i] = -self.0[row][1][i];
+                by[2][row][i] = -self.0[row][1][i] * down[i];
+            }
+        }
+        by
     }
 
     /// Converts derivatives by a square pixel to derivatives by the raw pixel, whose aspect is `aspect`.
@@ -493,17 +511,17 @@ mod tests {
     proptest! {
         #[test]
         fn lane_covariances_equal_single_pixel_covariances(
-            camera in any_camera(), factors in proptest::collection::vec(-1.0..1.0_f64, 196), is_known: bool,
+            camera in any_camera(), factors in proptest::collection::vec(-1.0..1.0_f64, 225), is_known: bool,
             at in proptest::collection::vec((0.0..1920.0_f64, -100.0..1080.0_f64), 1..30),
             height in -1.0..1.5_f64, slope in [-0.1..0.1_f64, -0.1..0.1_f64],
         ) {
             /// Standard deviations of the parameters: metres, radians, pixels, coefficients.
             const SIGMAS: [f64; Covariance::SIZE] =
-                [0.03, 0.02, 0.05, 0.01, 0.004, 0.003, 9.0, 0.01, 0.008, 0.005, 1e-4, 1e-4, 12.0, 9.0];
+                [0.03, 0.02, 0.05, 0.01, 0.004, 0.003, 9.0, 0.01, 0.008, 0.005, 1e-4, 1e-4, 12.0, 9.0, 0.02];
             let mut camera = camera;
             for i in 0..Covariance::SIZE {
                 for j in 0..Covariance::SIZE {
-                    let sum: f64 = (0..14).map(|k| factors[14 * i + k] * factors[14 * j + k]).sum();
+                    let sum: f64 = (0..15).map(|k| factors[15 * i + k] * factors[15 * j + k]).sum();
                     camera.covariance.0[i][j] = if is_known { sum * SIGMAS[i] * SIGMAS[j] } else { 0.0 };
                 }
             }

@@ -240,10 +240,15 @@ fn pixel_derivative(pose: &PosedCamera, world: WorldPoint, index: usize) -> Opti
     lens.distort(straight)?;
     let (jacobian, by_lens) = lens.distort_derivatives(straight);
     if let Some(coefficient) = index.checked_sub(Covariance::LENS) {
-        // The principal point moves the whole image.
-        let by_centre = |axis: usize| [0, 1].map(|row| f64::from(u8::from(row == axis)));
-        let of_centre = || coefficient.checked_sub(Lens::CENTRE).map(by_centre);
-        return by_lens.get(coefficient).copied().or_else(of_centre);
+        return by_lens.get(coefficient).copied().or_else(|| match coefficient {
+            // The principal point moves the whole image.
+            Lens::CENTRE => Some([1.0, 0.0]),
+            Lens::ASPECT => {
+                let raw = lens.distort(straight)?;
+                Some([0.0, (raw.v - lens.principal_point.v) / lens.pixel_aspect])
+            }
+            _ => Some([0.0, 1.0]),
+        });
     }
     // `d_camera` contains the derivative by the log of the focal length.
     let scale = if index == Covariance::FOCAL { pose.camera.focal.recip() } else { 1.0 };
@@ -384,17 +389,18 @@ mod tests {
     use crate::camera::{BrownConrady, Distortion, any_camera};
     use proptest::prelude::*;
 
-    /// Standard deviations of pitch (radians), principal point (pixels) and k1 in the noisy placements.
-    const SIGMAS: [(usize, f64); 4] = [
+    /// Standard deviations of pitch (radians), principal point (pixels), k1 and pixel aspect in the noisy placements.
+    const SIGMAS: [(usize, f64); 5] = [
         (Covariance::PITCH, 0.003),
         (Covariance::CENTRE, 12.0),
         (Covariance::CENTRE + 1, 12.0),
         (Covariance::LENS, 0.01),
+        (Covariance::ASPECT, 0.01),
     ];
 
-    /// Returns the camera of the noisy placements with changed pitch, principal point and k1.
+    /// Returns the camera of the noisy placements with changed pitch, principal point, k1 and pixel aspect.
     fn changed(by: impl Fn(usize) -> f64) -> Camera {
-        let [pitch, du, dv, dk] = [0, 1, 2, 3].map(by);
+        let [pitch, du, dv, dk, aspect] = [0, 1, 2, 3, 4].map(by);
         let distortion = Distortion::BrownConrady(BrownConrady { k1: -0.1 + dk, ..BrownConrady::default() });
         let pinhole = Lens::pinhole(Pixel::new(960.0 + du, 540.0 + dv));
         let mut covariance = Covariance::EXACT;
@@ -407,7 +413,7 @@ mod tests {
             pitch: 0.5 + pitch,
             roll: 0.03,
             focal: 1300.0,
-            lens: Lens { focal: 1300.0, distortion, ..pinhole },
+            lens: Lens { focal: 1300.0, distortion, pixel_aspect: 1.0 + aspect, ..pinhole },
             covariance,
         }
     }

@@ -18,7 +18,7 @@ const PARAMETERS: usize = 6;
 pub(crate) type ByLens = Dual<LENS>;
 
 /// Number of lens parameters, as in [`Lens::PARAMETERS`](crate::Lens::PARAMETERS).
-pub(crate) const LENS: usize = 7;
+pub(crate) const LENS: usize = 8;
 
 /// Number type of a formula: a plain value, or a value with derivatives. A search evaluates the formula at
 /// many states, but needs derivatives at only a few of them.

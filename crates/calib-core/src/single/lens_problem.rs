@@ -26,7 +26,7 @@ use crate::camera::{
 };
 use crate::optimize::{LeastSquares, least_squares_unless};
 use crate::single::constraints::Source;
-use crate::single::parameters::{FittedCoefficients, PrincipalPointPrior};
+use crate::single::parameters::{FittedCoefficients, PrincipalPointPrior, Prior};
 use crate::single::straightness::{
     Edge, outermost, straightness_in_charts_of, straightness_with_jacobian, uninformative,
 };
@@ -63,26 +63,31 @@ pub(crate) struct LensResidual {
     pub(crate) sigma: f64,
 }
 
-/// Returns the prior residuals of the fitted parameters, given by their indices.
+/// Returns the prior residuals of the fitted parameters, given by their indices. `centre` and `aspect` are the
+/// priors on the principal point and on the pixel aspect.
 ///
 /// The coefficients of the division model and the focal length of a fisheye have no prior.
 pub(crate) fn lens_prior(
     lens: &Lens,
     size: [f64; 2],
-    centre: PrincipalPointPrior,
+    (centre, aspect): (PrincipalPointPrior, Prior),
     fitted: &[usize],
 ) -> Vec<LensResidual> {
-    let is_centre = |index: &&usize| **index >= Lens::CENTRE;
-    let of_centre = fitted.iter().filter(is_centre).map(|&index| {
-        let at = lens.principal_point;
-        let off = if index == Lens::CENTRE { at.u - centre.value.u } else { at.v - centre.value.v };
+    let is_coefficient = |index: &&usize| **index < Lens::CENTRE;
+    let others = fitted.iter().filter(|index| !is_coefficient(index)).map(|&index| {
+        let Pixel { u, v } = lens.principal_point;
+        let (off, sigma) = match index {
+            Lens::CENTRE => (u - centre.value.u, centre.sigma),
+            Lens::ASPECT => (lens.pixel_aspect - aspect.value, aspect.sigma),
+            _ => (v - centre.value.v, centre.sigma),
+        };
         let mut by = [0.0; Lens::PARAMETERS];
-        by[index] = centre.sigma.recip();
-        LensResidual { value: off / centre.sigma, by, sigma: centre.sigma }
+        by[index] = sigma.recip();
+        LensResidual { value: off / sigma, by, sigma }
     });
-    let coefficients: Vec<usize> = fitted.iter().filter(|index| !is_centre(index)).copied().collect();
+    let coefficients: Vec<usize> = fitted.iter().filter(is_coefficient).copied().collect();
     let mut residuals = coefficient_prior(lens, size, &coefficients);
-    residuals.extend(of_centre);
+    residuals.extend(others);
     residuals
 }
 
@@ -223,7 +228,8 @@ impl LensProblem<'_> {
         let drawn = self.edges.iter().flat_map(|edge| &edge.points);
         let of_slope = slope_prior(&lens, outermost(drawn, self.principal_point));
         let centre = PrincipalPointPrior::of_fisheye(self.size, self.circle);
-        lens_prior(&lens, self.size, centre, fitted).into_iter().chain(of_slope).collect()
+        let aspect = Prior { value: self.pixel_aspect, sigma: 1.0 };
+        lens_prior(&lens, self.size, (centre, aspect), fitted).into_iter().chain(of_slope).collect()
     }
 
     /// Returns the residuals, in pixels, and their Jacobian; edges first, then priors scaled by `sigma`. The best
@@ -518,12 +524,13 @@ mod tests {
             const STEP: f64 = 1e-6;
             let brown = BrownConrady { k1: k[0], k2: k[1], k3: k[2], p1: p[0], p2: p[1] };
             let lens = Lens { principal_point: Pixel::new(960.0, 540.0), focal, pixel_aspect: 1.0, distortion: Distortion::BrownConrady(brown), image_circle: None };
-            let all = [0, 1, 2, 3, 4, 5, 6];
+            let all = [0, 1, 2, 3, 4, 5, 6, 7];
             let size = [1920.0, 1080.0];
             let centre = PrincipalPointPrior::of_image(size);
-            let prior = |lens: &Lens| lens_prior(lens, size, centre, &all);
+            let aspect = Prior { value: 1.1, sigma: 0.02 };
+            let prior = |lens: &Lens| lens_prior(lens, size, (centre, aspect), &all);
             let here = prior(&lens);
-            prop_assert_eq!(here.len(), 7);
+            prop_assert_eq!(here.len(), Lens::PARAMETERS);
             for k in all {
                 let (ahead, behind) = (prior(&lens.nudged(k, STEP)), prior(&lens.nudged(k, -STEP)));
                 for (i, residual) in here.iter().enumerate() {
@@ -537,7 +544,7 @@ mod tests {
         fn fisheye_slope_derivatives_match_finite_differences(
             k in [-0.03..0.1_f64, -0.002..0.01_f64], focal in 500.0..900.0_f64, at in [0.0..1920.0_f64, 0.0..1920.0_f64],
         ) {
-            const STEPS: [f64; Lens::PARAMETERS] = [1e-8, 1e-8, 1e-8, 1e-8, 1e-6, 1e-3, 1e-3];
+            const STEPS: [f64; Lens::PARAMETERS] = [1e-8, 1e-8, 1e-8, 1e-8, 1e-6, 1e-3, 1e-3, 1e-6];
             let distortion = Distortion::KannalaBrandt { k: [k[0], k[1], 0.0, 0.0] };
             let lens = Lens { principal_point: Pixel::new(950.0, 970.0), focal, pixel_aspect: 1.0, distortion, image_circle: None };
             let at = Pixel::from(at);

@@ -443,7 +443,11 @@ impl EdgeImage {
         let is_known = given.is_some_and(|distortion| distortion.distortion().is_some());
         Self {
             principal_point: camera.entered_principal_point(),
-            pixel_aspect: camera.lens.as_ref().and_then(|lens| lens.pixel_aspect),
+            pixel_aspect: camera
+                .lens
+                .as_ref()
+                .and_then(|lens| lens.pixel_aspect)
+                .map(|_| camera.pixel_aspect()),
             lens: is_known.then(|| camera.lens()),
             image_circle: camera.image_circle(),
             ..Self::new(segments, camera.size_px)

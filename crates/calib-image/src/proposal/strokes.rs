@@ -10,7 +10,9 @@
 //! operator.
 
 use calib_core::{Annotation, Kind, Lens, Pixel, UndistortedPixel};
-use calib_site::{DistortionEntry, LensEntry, Options, PrincipalPointEntry, Site, SiteCamera, Solution};
+use calib_site::{
+    DistortionEntry, LensEntry, Options, PixelAspectEntry, PrincipalPointEntry, Site, SiteCamera, Solution,
+};
 use nalgebra::DMatrix;
 
 use super::edge_class::EdgeClass;
@@ -156,7 +158,7 @@ pub(super) fn entry(
 ) -> SiteCamera {
     let distortion = DistortionEntry::from_lens(lens, lens.focal);
     let distortion = distortion.map(|entry| DistortionEntry { focal_px: Some(lens.focal), ..entry });
-    let pixel_aspect = Some(lens.pixel_aspect).filter(|aspect| *aspect != 1.0);
+    let pixel_aspect = Some(lens.pixel_aspect).filter(|aspect| *aspect != 1.0).map(PixelAspectEntry::Known);
     let lens = LensEntry { principal_point_px, pixel_aspect, distortion, ..LensEntry::default() };
     SiteCamera {
         lens: (lens != LensEntry::default()).then_some(lens),
