@@ -187,7 +187,7 @@ fn compare(
     let old = file.camera_image(entry)?;
     let edges = annotation_edges(entry);
     let compare_image = |(time, path): DatedImage| {
-        let new = read_newer_image(entry, &path)?;
+        let new = read_newer_image(&path)?;
         let comparison = Comparison::new(&camera, &edges, &old, &new)
             .map_err(|error| size_mismatch(&path, entry, error))?;
         Ok::<_, CommandError>(ImageComparison { time, path, comparison })
@@ -205,22 +205,17 @@ fn draw(
 ) -> Result<(), CommandError> {
     std::fs::create_dir_all(folder).with_context(|| format!("creating {}", folder.display()))?;
     for (of, seen) in compared.iter().filter_map(|of| Some((of, of.newest()?))) {
-        let image = draw_edges(of, seen, read_newer_image(&file.site.cameras[of.index], &seen.path)?);
+        let image = draw_edges(of, seen, read_newer_image(&seen.path)?);
         let name = folder.join(format!("{}.png", of.id)).to_string_lossy().into_owned();
         files::write(&name, &picture::encode(&image, &name)?, force)?;
     }
     Ok(())
 }
 
-/// Reads a newer image of a camera. An image of another size is refused before it is decoded.
-pub(crate) fn read_newer_image(entry: &SiteCamera, path: &Path) -> Result<RgbImage, CommandError> {
+/// Reads a newer image of a camera.
+pub(crate) fn read_newer_image(path: &Path) -> Result<RgbImage, CommandError> {
     let bytes = site_file::read_image_bytes(path)?;
-    let wrong = |error| CommandError::invalid(path.display(), error);
-    let new = calib_input::image_size(&bytes).map_err(wrong)?;
-    if new != entry.size_px {
-        return Err(size_mismatch(path, entry, SizeMismatchError { old: entry.size_px, new }));
-    }
-    calib_input::decode(&bytes).map_err(wrong)
+    calib_input::decode(&bytes).map_err(|error| CommandError::invalid(path.display(), error))
 }
 
 fn size_mismatch(path: &Path, entry: &SiteCamera, error: SizeMismatchError) -> CommandError {
@@ -281,6 +276,7 @@ fn image_json(
         "pitch_deg": degrees(1),
         "roll_deg": degrees(2),
         "sigma": { "yaw_deg": sigma(0), "pitch_deg": sigma(1), "roll_deg": sigma(2) },
+        "window_px": comparison.window.map(|window| window.px()),
         "sigmas_clear": known(comparison.z_score),
         "moved_px": known(comparison.shift),
         "places": comparison.visible_samples,
@@ -353,9 +349,9 @@ const MISSING_COLOUR: Rgb<u8> = Rgb([255, 90, 40]);
 
 /// Draws a dot on the newer image at the predicted position of every edge.
 pub(crate) fn draw_edges(of: &CameraComparison, seen: &ImageComparison, mut image: RgbImage) -> RgbImage {
-    let turned = seen.comparison.rotation.for_camera(&of.camera);
+    let by = seen.comparison.pixel_map(&of.camera);
     for (place, found) in &seen.comparison.samples {
-        if let (Some(found), Some(at)) = (found, turned.map_pixel(*place)) {
+        if let (Some(found), Some(at)) = (found, by(*place)) {
             draw_dot(&mut image, at, if *found { FOUND_COLOUR } else { MISSING_COLOUR });
         }
     }
@@ -420,7 +416,7 @@ fn recover_camera(
         return Ok(Err("its newer image has no capture time; give --since TIME".into()));
     };
     let entry = &file.site.cameras[of.index];
-    let (old, new) = (file.camera_image(entry)?, read_newer_image(entry, &seen.path)?);
+    let (old, new) = (file.camera_image(entry)?, read_newer_image(&seen.path)?);
     let newer = NewImage { image: path_relative_to_file(&seen.path, output), since: since.to_string() };
     let pulse = Pulse::new("solving");
     let found = recover(site, of.index, &seen.comparison, [&old, &new], &newer);

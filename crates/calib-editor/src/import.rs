@@ -1,6 +1,8 @@
 //! Import of files of other programs: detection of their format, and scaling of their lenses to the size of
 //! the images of the site.
 
+use std::borrow::Cow;
+
 use calib_formats::{FORMATS, File, Format, Imported};
 use calib_site::{LensEntry, Plan, SiteCamera};
 
@@ -67,7 +69,7 @@ pub fn import_any(files: &[File]) -> Result<(&'static Format, Imported), String>
 /// Returns the lens of a camera, scaled to images of another width and height. The error names a different
 /// aspect ratio.
 pub(crate) fn scaled(camera: &SiteCamera, size: [u32; 2]) -> Result<LensEntry, String> {
-    let mut lens = camera.lens.clone().unwrap_or_default();
+    let mut lens = camera.lens_of_image().map(Cow::into_owned).unwrap_or_default();
     let ratio = [0, 1].map(|axis| f64::from(size[axis]) / f64::from(camera.size_px[axis].max(1)));
     if (ratio[0] / ratio[1] - 1.0).abs() > MAX_ASPECT_DIFFERENCE {
         let [w, h] = camera.size_px;

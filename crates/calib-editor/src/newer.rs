@@ -61,11 +61,11 @@ impl NewerImage {
         own.zip(other).is_some_and(|(own, other)| own < other)
     }
 
-    /// Whether the camera was rotated or zoomed at an unchanged position, so that its calibration can be
-    /// recovered.
+    /// Whether the camera was rotated or zoomed at an unchanged position, or its image shows a part of the old
+    /// one. Its calibration can then be recovered.
     #[must_use]
     pub fn has_moved(&self) -> bool {
-        self.comparison.change == CameraChange::Moved
+        matches!(self.comparison.change, CameraChange::Moved | CameraChange::Windowed)
     }
 }
 

@@ -10,6 +10,8 @@
 //! minimises the predicted relative error of floor lengths. The prediction uses the covariance, as for
 //! suggestions.
 
+use std::borrow::Cow;
+
 use calib_core::{Annotation, Camera, Kind, Lens, Orientation, Pixel};
 use calib_image::{AutomaticCalibration, Confidence, EdgeClass, Group, Reason};
 use calib_site::{DistortionEntry, LensEntry, Options, PrincipalPointEntry, Site, SiteCamera, Solution};
@@ -393,7 +395,7 @@ fn without_links(entry: &SiteCamera, pose: Option<&Camera>) -> SiteCamera {
 
 /// Returns the lens of a pose as a lens entry.
 fn fixed_lens(entry: &SiteCamera, pose: Option<&Camera>) -> Option<LensEntry> {
-    let own = entry.lens.clone().unwrap_or_default();
+    let own = entry.lens_of_image().map(Cow::into_owned).unwrap_or_default();
     let distortion = pose.and_then(|pose| {
         let entry = DistortionEntry::from_lens(&pose.lens, pose.lens.focal)?;
         Some(DistortionEntry { focal_px: Some(pose.lens.focal), fit: None, ..entry })

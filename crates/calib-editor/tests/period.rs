@@ -136,6 +136,7 @@ fn newer(editor: &Editor, camera: usize, image: &str, since: &str) -> Box<NewerI
         shift: 3.0,
         visible_samples: 100,
         found_fraction: 0.9,
+        window: None,
         chance_fraction: 0.05,
         samples: Vec::new(),
     };

@@ -35,7 +35,7 @@ mod compare;
 pub use bars::Bars;
 pub use compare::{
     CameraChange, Comparison, ComparisonError, EdgeOffset, FitParameters, RecoveryError, RotationFit,
-    STEP_SIZE, SizeMismatchError, TONE_SIZE, annotation_edges, recover,
+    STEP_SIZE, ShownWindow, SizeMismatchError, TONE_SIZE, annotation_edges, recover,
 };
 pub use edges::{Edge, line_segments};
 pub use empty_scene::EmptyScene;

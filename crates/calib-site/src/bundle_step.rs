@@ -267,7 +267,7 @@ impl<'a> Member<'a> {
             initial_pose: self.initial_pose(),
             fixed_pose: self.fixed_pose(),
             size: entry.size(),
-            principal_point: single.principal_point.unwrap_or(PrincipalPointPrior::of_image(entry.size())),
+            principal_point: single.principal_point.unwrap_or_else(|| entry.principal_point_near_centre()),
             pixel_aspect: single.pixel_aspect.unwrap_or(Prior { value: own.lens.pixel_aspect, sigma: 1.0 }),
             fixed: if entry.is_given() { given } else { single.fixed },
             priors: if entry.is_given() {

@@ -274,6 +274,20 @@ fn check_data_sheet(at: &At, lens: &LensEntry) -> Checked {
     }
 }
 
+/// Checks the window of a lens. The size of the calibrated image is unknown, so its data sheet cannot be used.
+fn check_window(at: &At, window: [f64; 4], lens: &LensEntry) -> Checked {
+    Bounds::COORDINATE.check_all(at, &window)?;
+    window[2..].iter().try_for_each(|&side| Bounds { low: 1.0, ..Bounds::POSITIVE }.check(at, side))?;
+    let has_field = lens.hfov_deg.is_some() || lens.vfov_deg.is_some() || lens.dfov_deg.is_some();
+    if has_field || lens.focal_mm.is_some() {
+        return at.expected("a window beside values of the data sheet", "the focal length as \"focal_px\"");
+    }
+    if lens.like.is_some() {
+        return at.expected("a window beside \"like\"", "the lens values of the calibrated image");
+    }
+    Ok(())
+}
+
 /// Checks the entered lens values and the reference `like` to another camera.
 fn check_lens(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
     let Some(lens) = &camera.lens else { return Ok(()) };
@@ -291,6 +305,9 @@ fn check_lens(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
         Bounds::PIXEL_ASPECT.check(&at, aspect.start(camera.size_px))?;
         let sigma = aspect.prior(camera.size_px).map(|prior| prior.sigma);
         sigma.map_or(Ok(()), |sigma| Bounds::POSITIVE.check(&at.key("sigma"), sigma))?;
+    }
+    if let Some(window) = lens.window_px {
+        check_window(&at.key("window_px"), window, lens)?;
     }
     if let Some(circle) = lens.image_circle_px {
         check_circle(&at.key("image_circle_px"), circle)?;

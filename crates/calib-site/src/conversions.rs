@@ -162,7 +162,7 @@ impl Site {
             if lens.distortion.is_wide() {
                 PrincipalPointPrior::of_fisheye(size, entry.image_circle())
             } else {
-                PrincipalPointPrior::of_image(size)
+                entry.principal_point_near_centre()
             }
         })
     }
@@ -422,34 +422,33 @@ impl SiteCamera {
     /// centre of the image.
     #[must_use]
     pub fn principal_point(&self) -> Pixel {
-        let [width, height] = self.size();
         let given = self.entered_principal_point().map(|entry| entry.value);
         let of_circle = || self.image_circle().map(ImageCircle::centre);
-        given.or_else(of_circle).unwrap_or(Pixel { u: 0.5 * width, v: 0.5 * height })
+        given.or_else(of_circle).unwrap_or_else(|| self.principal_point_near_centre().value)
     }
 
     /// Returns the entered principal point.
     #[must_use]
     pub fn entered_principal_point(&self) -> Option<PrincipalPointEntry> {
-        self.lens.as_ref()?.principal_point_px
+        self.lens_of_image()?.principal_point_px
     }
 
     /// Returns the image circle, if entered.
     #[must_use]
     pub fn image_circle(&self) -> Option<ImageCircle> {
-        self.lens.as_ref()?.image_circle_px
+        self.lens_of_image()?.image_circle_px
     }
 
     /// Returns the entered pixel aspect, or the value from which its estimate starts; 1 if none is entered.
     #[must_use]
     pub fn pixel_aspect(&self) -> f64 {
-        let entry = self.lens.as_ref().and_then(|lens| lens.pixel_aspect);
+        let entry = self.lens_of_image().and_then(|lens| lens.pixel_aspect);
         entry.map_or(1.0, |entry| entry.start(self.size_px))
     }
 
     /// Returns the prior on the pixel aspect; `None` if the pixel aspect is known.
     pub(crate) fn pixel_aspect_prior(&self) -> Option<Prior> {
-        self.lens.as_ref()?.pixel_aspect?.prior(self.size_px)
+        self.lens_of_image()?.pixel_aspect?.prior(self.size_px)
     }
 
     /// Returns the entered lens: with fixed coefficients, otherwise without distortion.
@@ -457,7 +456,7 @@ impl SiteCamera {
     pub fn lens(&self) -> Lens {
         let pinhole = Lens { pixel_aspect: self.pixel_aspect(), ..Lens::pinhole(self.principal_point()) };
         let given = || {
-            let entry = self.lens.as_ref()?;
+            let entry = self.lens_of_image()?;
             let coefficients = entry.distortion.as_ref()?;
             let focal = coefficients.focal_px.or(entry.focal_px.map(|focal| focal.value))?;
             Some(Lens { focal, distortion: coefficients.distortion()?, ..pinhole })
@@ -472,7 +471,8 @@ impl SiteCamera {
     #[must_use]
     pub fn likely_lens(&self) -> Lens {
         let lens = self.lens();
-        let entry = self.lens.as_ref();
+        let entry = self.lens_of_image();
+        let entry = entry.as_deref();
         let sought =
             entry.and_then(|entry| entry.distortion.as_ref()).map(|distortion| distortion.model.row());
         let Some(row) = sought.filter(|row| row.is_wide && !lens.distortion.is_wide()) else { return lens };
@@ -489,7 +489,7 @@ impl SiteCamera {
         let fixed = |known: Option<calib_core::single::Known>| {
             known.filter(|known| known.fixed).map(|known| known.value)
         };
-        let Some(lens) = &self.lens else {
+        let Some(lens) = self.lens_of_image() else {
             return FixedParameters { height: fixed(self.height_m), ..FixedParameters::default() };
         };
         FixedParameters {
@@ -509,7 +509,8 @@ impl SiteCamera {
         let radians = |known: Option<calib_core::single::Known>| {
             prior(known).map(|p| Prior { value: p.value.to_radians(), sigma: p.sigma.to_radians() })
         };
-        let lens = self.lens.as_ref();
+        let lens = self.lens_of_image();
+        let lens = lens.as_deref();
         Priors {
             roll: radians(lens.and_then(|lens| lens.roll_deg)),
             pitch: radians(lens.and_then(|lens| lens.pitch_deg)),

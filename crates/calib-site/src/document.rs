@@ -473,6 +473,11 @@ document! {
         /// estimated from the lines. If absent, pixels are square.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pixel_aspect: Option<PixelAspectEntry>,
+        /// Part of the calibrated image that the image of this camera shows, after a digital zoom or a crop: left,
+        /// top, width and height, in pixels of the calibrated image. The other lens values then belong to the
+        /// calibrated image.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        window_px: Option<[f64; 4]>,
         /// Image circle of a fisheye: centre and radius, in pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         image_circle_px: Option<ImageCircle>,

@@ -160,14 +160,15 @@ impl Site {
 
 /// Returns the edges and options for fitting the lens of a camera; `None` if the lens is entered.
 fn lens_problem(entry: &SiteCamera, shared: &SharedLenses) -> Option<(Vec<Edge>, LensOptions)> {
-    let distortion = entry.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
+    let lens = entry.lens_of_image();
+    let distortion = lens.as_ref().and_then(|lens| lens.distortion.as_ref());
     let fitted = distortion.map(fitted_coefficients);
     if fitted == Some(None) || entry.is_given() {
         return None;
     }
     let fitted = fitted.flatten();
     // A focal length that is only a prior is estimated together with the lens.
-    let focal = entry.lens.as_ref().and_then(|lens| lens.focal_px).filter(|focal| focal.fixed);
+    let focal = lens.as_ref().and_then(|lens| lens.focal_px).filter(|focal| focal.fixed);
     let focal = distortion.and_then(|d| d.focal_px).or(focal.map(|focal| focal.value));
     let options = LensOptions {
         principal_point: entry.principal_point(),

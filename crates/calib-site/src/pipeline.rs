@@ -1,5 +1,6 @@
 //! Calibration of a site: each camera separately, then all cameras jointly, then placement and findings.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 
 use crate::bounds::At;
@@ -10,7 +11,7 @@ use crate::document::{Site, SiteCamera};
 use crate::georeference_step::MapResult;
 use crate::lens_cache::LensCache;
 use crate::options::Options;
-use crate::pixel_aspect::{PixelAspectEntry, usual_pixel_aspect};
+use crate::pixel_aspect::usual_pixel_aspect;
 use crate::placement_step::placed_uncertainty;
 use crate::points_outside::SharedObservations;
 use crate::points_step::{Explanation, UsedPoints, is_possible};
@@ -27,13 +28,8 @@ use calib_core::floor::{default_efov, efov_on_plane};
 use calib_core::outcome::{Code, Failure, Finding, ResidualOf, SharedEvidence};
 use calib_core::single::{
     Constraints, FixedParameters, InvalidSegment, Kind, MAX_LOG_FOCAL_SIGMA, PlanePrior, PrincipalPointPrior,
-    Prior, Priors, SceneErrors, contradictory_uprights, is_inconsistent,
+    Priors, SceneErrors, contradictory_uprights, is_inconsistent,
 };
-
-/// Pixel aspects from which the estimate of an unknown aspect starts, in equal ratios. Recorders use 0.45 to 2.
-const START_ASPECTS: [f64; 11] = [0.40, 0.48, 0.58, 0.69, 0.83, 1.0, 1.2, 1.44, 1.73, 2.07, 2.49];
-/// Standard deviation of the pixel aspect in such an estimate, relative to its start value.
-const START_ASPECT_SIGMA_REL: f64 = 0.5;
 
 /// Result of a calibration.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -188,53 +184,6 @@ impl Site {
         single_fits.into_iter().zip(entries.iter().copied()).map(best).collect()
     }
 
-    /// Returns the fit of a camera whose pixel aspect is fitted without a prior. The estimate starts at the aspect
-    /// under which all annotations agree best. Returns the fit of any other camera unchanged.
-    ///
-    /// Under a wrong aspect, correct lines contradict each other and would be rejected. Therefore the aspect is
-    /// estimated from all lines, from several start values.
-    fn with_best_aspect(
-        &self,
-        entry: &SiteCamera,
-        fit: Result<SingleFit, Failure>,
-        options: &Options,
-        others: SharedInputs,
-    ) -> Result<SingleFit, Failure> {
-        let fitted = entry.lens.as_ref().and_then(|lens| lens.pixel_aspect);
-        if fitted != Some(PixelAspectEntry::Fit) || entry.is_given() {
-            return fit;
-        }
-        let refined = |entry: &SiteCamera, single: &SingleFit| {
-            let fits = [Ok(single.clone())];
-            refine_lenses(&[entry], &fits, self.plane_priors(), false).cameras.into_iter().next()?
-        };
-        let keeps_all = SharedInputs { keeps_all: true, ..others };
-        let mut best: Option<(f64, SingleFit)> = None;
-        for start in START_ASPECTS {
-            let mut entry = entry.clone();
-            let aspect = Prior { value: start, sigma: START_ASPECT_SIGMA_REL * start };
-            entry.lens.get_or_insert_default().pixel_aspect = Some(PixelAspectEntry::Prior(aspect));
-            let Ok(first) = self.fit_single(&entry, options, None, keeps_all) else { continue };
-            let (found, chi2) = match refined(&entry, &first) {
-                Some(camera) => {
-                    let better = (&first.lens_estimate, &camera.camera);
-                    let Ok(found) = self.fit_single(&entry, options, Some(better), others) else { continue };
-                    (found, camera.chi2)
-                }
-                // Points alone determine the camera, with the pixel aspect of the start.
-                None => {
-                    let chi2 = first.result.solution.chi2.unwrap_or(f64::INFINITY);
-                    (first, chi2)
-                }
-            };
-            if best.as_ref().is_none_or(|(least, _)| chi2 < *least) {
-                best = Some((chi2, found));
-            }
-        }
-        let prior = entry.pixel_aspect_prior();
-        best.map_or(fit, |(_, found)| Ok(SingleFit { pixel_aspect: prior, ..found }))
-    }
-
     /// Returns the fit of a camera. If its lines contradict each other, returns a better fit with another principal
     /// point, if one is found.
     ///
@@ -257,7 +206,7 @@ impl Site {
         if !has_doubts || is_wide || is_exact || entry.is_given() {
             return Ok(fit);
         }
-        let centred = PrincipalPointPrior::of_image(entry.size());
+        let centred = entry.principal_point_near_centre();
         let crop = PrincipalPointPrior::of_crop(entry.size());
         let fitted_near = |prior: PrincipalPointPrior| {
             let (found, camera) = self.fit_without_outliers(entry, prior, options, others)?;
@@ -294,6 +243,7 @@ impl Site {
     ) -> Option<(SingleFit, Camera)> {
         let mut entry = entry.clone();
         let centre = PrincipalPointEntry { value: prior.value, sigma: Some(prior.sigma) };
+        entry.lens = entry.lens_of_image().map(Cow::into_owned);
         entry.lens.get_or_insert_default().principal_point_px = Some(centre);
         let refined = |first: &SingleFit| {
             let fits = [Ok(first.clone())];
@@ -561,7 +511,7 @@ fn check_principal_point(entry: &SiteCamera, first: &SingleFit, camera: &Camera)
         let is_exchanged = swapped.distance(estimated) < 0.25 * value.distance(estimated);
         return Some(Finding::WrongPrincipalPoint { entered: value, estimated, is_exchanged });
     }
-    let (estimated, centred) = (camera.lens.principal_point, PrincipalPointPrior::of_image(entry.size()));
+    let (estimated, centred) = (camera.lens.principal_point, entry.principal_point_near_centre());
     let is_estimated = entered.is_none() && first.fits_principal_point();
     let [w, h] = entry.size();
     (is_estimated && centred.contradicts(estimated))

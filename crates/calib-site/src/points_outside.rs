@@ -98,6 +98,10 @@ impl Site {
         entry: &SiteCamera,
         shared: &SharedObservations,
     ) -> Option<Finding> {
+        // The image of a window does not show all of the calibrated image, on which lines may have been drawn.
+        if entry.lens.as_ref().is_some_and(|lens| lens.window_px.is_some()) {
+            return None;
+        }
         let points = self.annotated_pixels(entry, shared);
         let [width, height] = entry.size();
         let is_far =

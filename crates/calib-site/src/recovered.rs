@@ -8,11 +8,17 @@
 //! The annotations are transferred as new evidence. The position and the height of the old solution become
 //! priors. The old angles and focal length do not, because the same lines determine them and would be counted
 //! twice.
+//!
+//! An image that shows a window of the old one (digital zoom or crop) keeps all annotations, also those outside the
+//! window. They are the same evidence, so the new solution is the old one.
+
+use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
 
 use crate::document::{ControlPointEntry, LensEntry, PlacementEntry, Site, SiteCamera};
 use crate::document::{Link, LinkObservation, Mark};
+use crate::lens_window::WindowMap;
 use crate::pixel_aspect::PixelAspectEntry;
 use crate::principal_point::PrincipalPointEntry;
 use crate::solution::{DistortionEntry, Method, Solution, Stage};
@@ -79,6 +85,111 @@ impl Site {
         site.cameras.push(end_period(old, &still.since));
         site.cameras[index] = new;
         Some(Recovered { site, left_out: work.left_out, carried: work.carried })
+    }
+}
+
+impl Site {
+    /// Splits the entry of a camera whose new image shows a window of the old image. `size` is the width and height
+    /// of the new image, and `map` maps pixels of the old image to the new one.
+    ///
+    /// Returns `None` for a camera that is not solved.
+    #[must_use]
+    pub fn windowed(
+        &self,
+        index: usize,
+        map: &WindowMap,
+        size: [u32; 2],
+        still: &NewImage,
+    ) -> Option<Recovered> {
+        let old = self.cameras.get(index)?;
+        let camera = old.camera()?;
+        let mut work = Transfer { by: map, left_out: Vec::new(), carried: 0 };
+        // A click without an entered standard deviation has that of the camera, which is otherwise 1 pixel.
+        let scaled = |sigma: &mut Option<f64>| {
+            let entered = sigma.or(if old.sigma_px.is_none() { Some(1.0) } else { None });
+            *sigma = entered.map(|sigma| map.scale[0] * sigma);
+        };
+        let mut site = self.clone();
+        if self.owns_links(index) {
+            site.links.iter_mut().enumerate().for_each(|(i, link)| work.transfer_link(link, i, &old.id));
+            site.marks.iter_mut().enumerate().for_each(|(i, mark)| work.transfer_mark(mark, i, &old.id));
+            let seen = site.links.iter_mut().flat_map(|link| &mut link.seen);
+            seen.filter(|seen| seen.camera == old.id).for_each(|seen| scaled(&mut seen.sigma_px));
+        }
+        let new = work.transfer_camera(old, &camera, &RotationZoom::default(), still);
+        let mut annotations = new.annotations;
+        annotations.iter_mut().for_each(|drawn| scaled(&mut drawn.sigma_px));
+        let mut control_points = new.control_points;
+        control_points.iter_mut().for_each(|point| scaled(&mut point.sigma_px));
+        let is_visible = |at: &Pixel| {
+            (0.0..=f64::from(size[0])).contains(&at.u) && (0.0..=f64::from(size[1])).contains(&at.v)
+        };
+        site.cameras.push(end_period(old, &still.since));
+        site.cameras[index] = SiteCamera {
+            size_px: size,
+            lens: self.lens_of_window(old, &camera, map, size),
+            height_m: old.height_m,
+            efov_px: new.efov_px.filter(|corners| corners.iter().all(is_visible)),
+            sigma_px: old.sigma_px.map(|sigma| map.scale[0] * sigma),
+            annotations,
+            control_points,
+            ..new
+        };
+        Some(Recovered { site, left_out: work.left_out, carried: work.carried })
+    }
+
+    /// Returns the lens values of a camera with the window of its new image. The values stay those of the
+    /// calibrated image.
+    fn lens_of_window(
+        &self,
+        old: &SiteCamera,
+        camera: &Camera,
+        map: &WindowMap,
+        size: [u32; 2],
+    ) -> Option<LensEntry> {
+        let entry = old.lens.clone().unwrap_or_default();
+        let before = entry.window_px.map(|window| WindowMap::new(window, old.size_px));
+        let window = before.map_or(*map, |before| map.after(&before)).window(size);
+        if before.is_some() {
+            return Some(LensEntry { window_px: Some(window), ..entry });
+        }
+        // The centre of the calibrated image does not follow from the window.
+        let centre = || {
+            let prior = self.principal_point_prior(old, &camera.lens);
+            let known = PrincipalPointEntry::known(old.principal_point());
+            prior.map_or(known, |prior| PrincipalPointEntry { value: prior.value, sigma: Some(prior.sigma) })
+        };
+        let is_shared = entry.like.is_some();
+        let held = || DistortionEntry::from_lens(&camera.lens, camera.focal);
+        let shared_focal =
+            || Known { value: camera.focal, fixed: false, sigma: camera.covariance.sigma(Covariance::FOCAL) };
+        let focal_px = entry.focal_px.or_else(|| old.data_sheet_focal(&camera.lens));
+        Some(LensEntry {
+            focal_px: if is_shared { focal_px.or_else(|| Some(shared_focal())) } else { focal_px },
+            roll_deg: entry.roll_deg,
+            pitch_deg: entry.pitch_deg,
+            principal_point_px: entry.principal_point_px.or_else(|| Some(centre())),
+            pixel_aspect: entry.pixel_aspect,
+            image_circle_px: entry.image_circle_px,
+            distortion: if is_shared { held() } else { entry.distortion },
+            window_px: Some(window),
+            ..LensEntry::default()
+        })
+    }
+}
+
+/// Maps all pixels, also those outside the window.
+impl ImageTransfer for WindowMap {
+    fn line(&self, points: &[Pixel], _: bool) -> Option<Vec<Pixel>> {
+        Some(points.iter().map(|&point| self.pixel(point)).collect())
+    }
+
+    fn point(&self, old: Pixel) -> Option<Pixel> {
+        Some(self.pixel(old))
+    }
+
+    fn corner(&self, old: Pixel) -> Option<Pixel> {
+        Some(self.pixel(old))
     }
 }
 
@@ -246,7 +357,7 @@ fn lens(old: &SiteCamera, camera: &Camera, turn: &RotationZoom, refits: bool) ->
         Known { value: ratio * known.value, sigma: known.sigma.map(|sigma| ratio * sigma), ..known }
     };
     let shifted = |by: f64| move |known: Known| Known { value: known.value + by.to_degrees(), ..known };
-    let entry = old.lens.clone().unwrap_or_default();
+    let entry = old.lens_of_image().map(Cow::into_owned).unwrap_or_default();
     let is_sought =
         |distortion: &DistortionEntry| distortion.fit.is_some() || distortion.distortion().is_none();
     let is_fitted = refits && entry.distortion.as_ref().is_none_or(is_sought);

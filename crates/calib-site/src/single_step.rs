@@ -17,8 +17,8 @@ use calib_core::floor::{STAGE_1_HEIGHT, view_angle};
 use calib_core::outcome::{Estimator, Failure, Finding, Parameter, Residual, ResidualOf};
 use calib_core::single::{
     Annotation, Constraints, Fit, FitOptions, FixedParameters, Kind, Known, LocalMinimum, Orientation,
-    PlanePrior, PointFit, PrincipalPointPrior, Prior, Priors, STEEP_GRADE, SceneErrors, Shape, Source, findings,
-    paper_minimum, residuals_at, slope_finding, suggest_lines,
+    PlanePrior, PointFit, PrincipalPointPrior, Prior, Priors, STEEP_GRADE, SceneErrors, Shape, Source,
+    findings, paper_minimum, residuals_at, slope_finding, suggest_lines,
 };
 
 /// Results of stage 1 of the cameras whose lens other cameras share, by camera id.
@@ -476,7 +476,7 @@ fn lens_only(entry: &SiteCamera, lens_estimate: &LensEstimate) -> CameraResult {
     // length.
     let lens = &lens_estimate.lens;
     let unit = if lens.distortion.is_wide() { lens.focal } else { entry.size()[0] };
-    let focal = entry.lens.as_ref().and_then(|lens| lens.focal_px).map_or(unit, |focal| focal.value);
+    let focal = entry.lens_of_image().and_then(|lens| lens.focal_px).map_or(unit, |focal| focal.value);
     let camera = Camera {
         position: WorldPoint::default(),
         yaw: 0.0,

@@ -124,6 +124,7 @@ pub(crate) fn verdict(became: CameraChange, palette: &Palette) -> (&'static str,
     match became {
         CameraChange::Unchanged => ("Unchanged", Icon::Check, palette.ok, palette.raised),
         CameraChange::Moved => ("Moved", Icon::Warn, palette.bad, palette.bad_bg),
+        CameraChange::Windowed => ("Zoomed or cropped", Icon::Warn, palette.bad, palette.bad_bg),
         CameraChange::Shifted => ("Image shifted", Icon::Warn, palette.bad, palette.bad_bg),
         CameraChange::DifferentView => ("Replaced or covered", Icon::Warn, palette.bad, palette.bad_bg),
         CameraChange::TooDark => ("Unclear: too dark", Icon::Warn, palette.warn, palette.warn_bg),
@@ -173,8 +174,14 @@ fn numbers(newer: &NewerImage) -> Vec<String> {
     if !found.change.is_aligned() {
         return vec![again];
     }
-    let (angle, angle_sigma) = found.angle(&newer.pose);
     let (zoom, zoom_sigma) = found.zoom();
+    if let Some(window) = found.window {
+        let [left, top, width, height] = window.px();
+        let agreeing = format!("{:.0} % of the image agrees", 100.0 * found.found_fraction);
+        let part = format!("part of the old image: {left:.0}, {top:.0}, {width:.0} \u{d7} {height:.0} px");
+        return vec![part, format!("zoom {zoom:.3}"), agreeing];
+    }
+    let (angle, angle_sigma) = found.angle(&newer.pose);
     let by_axis = found.movement(&newer.pose);
     let axis = |name: &str, index: usize| {
         let (value, sigma) = by_axis[index];

@@ -2,7 +2,6 @@
 //! of a newer image with matched edge points.
 
 use calib_core::Pixel;
-use calib_core::camera::RotatedCamera;
 use calib_core::single::line_name;
 use calib_draw::{AnnotatedLine, Look, Meaning, PlacedShape, Sign, extension, place_sign};
 use calib_editor::{NewerImage, Part};
@@ -37,26 +36,26 @@ impl<'a> Overlay<'a> {
         let clip = painter.clip_rect();
         let left = painter.with_clip_rect(clip.intersect(left_of(*split)));
         let right = painter.with_clip_rect(clip.intersect(right_of(*split)));
-        let turned = newer.comparison.rotation.for_camera(&newer.pose);
+        let by = newer.comparison.pixel_map(&newer.pose);
         let is_aligned = newer.comparison.change.is_aligned();
         if is_aligned {
-            self.paint_carried(&right, &turned);
+            self.paint_carried(&right, &by);
         }
         for (place, found) in &newer.comparison.samples {
             let Some(found) = *found else { continue };
             dot(&left, self.at(*place), found);
-            let now = if is_aligned { turned.map_pixel(*place) } else { None };
+            let now = if is_aligned { by(*place) } else { None };
             if let Some(now) = now {
                 dot(&right, self.at(now), found);
             }
         }
     }
 
-    /// Paints the annotations at their positions in the newer image, from the measured rotation and zoom.
-    fn paint_carried(&self, painter: &Painter, turned: &RotatedCamera) {
+    /// Paints the annotations at their positions in the newer image; `by` maps pixels of the old image to it.
+    fn paint_carried(&self, painter: &Painter, by: &dyn Fn(Pixel) -> Option<Pixel>) {
         let Some(entry) = self.entry() else { return };
         for points in entry.annotations.iter().flat_map(|drawn| drawn.polylines()) {
-            let now: Option<Vec<Pixel>> = points.iter().map(|&point| turned.map_pixel(point)).collect();
+            let now: Option<Vec<Pixel>> = points.iter().map(|&point| by(point)).collect();
             let path = now.map(|now| self.path(&now)).unwrap_or_default();
             line(painter, &path, Pen::new(on_image::ACCENT, 2.0).dashed(&[6.0, 4.0]));
         }

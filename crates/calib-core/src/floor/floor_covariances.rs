@@ -365,7 +365,7 @@ impl<'a> CovarianceLanes<'a> {
                 moved[1][i] = -(ya[i] * dx + yb[i] * dy);
             }
         }
-        let down = y.map(|y| lens_focal * y);
+        let down = v.map(|v| (v - cv) / aspect);
         moves[Lens::CENTRE..].copy_from_slice(&by_raw.by_centre_and_aspect(&down));
         let moves = &moves[..Lens::CENTRE + flow.after_coefficients];
         flow.add_lens(&mut calibration, [&points.x, &points.y], 0, moves);

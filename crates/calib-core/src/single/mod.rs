@@ -86,6 +86,6 @@ pub(crate) use straightness::{edge_redundancy, repeat_counts, straightness_with_
 
 pub use accuracy::{placed_floor_length_rel, placed_floor_shape_rel};
 pub(crate) use likelihood::{Problem, State};
-pub use minima::{MAX_LOG_FOCAL_SIGMA, MIN_CHI2_DIFFERENCE};
-pub(crate) use minima::{MIN_LOG_FOCAL_SIGMA_FOR_PRIOR, weak_prior};
+pub(crate) use minima::MIN_LOG_FOCAL_SIGMA_FOR_PRIOR;
+pub use minima::{MAX_LOG_FOCAL_SIGMA, MIN_CHI2_DIFFERENCE, weak_prior};
 pub(crate) use residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};

@@ -97,7 +97,8 @@ impl Editor {
         let Some(index) = of.index(site) else { return };
         let entry = &mut site.cameras[index];
         let ratio = [0, 1].map(|axis| f64::from(entry.size_px[axis]) / f64::from(from[axis].max(1)));
-        if let Some(lens) = &mut entry.lens {
+        // With a window, the lens values belong to the calibrated image, whose size does not change.
+        if let Some(lens) = entry.lens.as_mut().filter(|lens| lens.window_px.is_none()) {
             import::scale_lens(lens, ratio[0]);
         }
         edit::scale_camera(site, index, ratio);

@@ -214,7 +214,7 @@ fn period_time(session: &Session, click: &RulerClick, time: &Option<String>) -> 
 const fn refusal(change: CameraChange) -> Option<&'static str> {
     match change {
         CameraChange::Unchanged => None,
-        CameraChange::Moved => Some(
+        CameraChange::Moved | CameraChange::Windowed => Some(
             "The camera has moved since its calibration. Recover it before you measure in the newer image.",
         ),
         CameraChange::Shifted | CameraChange::DifferentView => {

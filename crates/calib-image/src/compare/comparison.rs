@@ -19,6 +19,7 @@ use crate::compare::coarse::{CornerMatch, coarse_rotation, corners};
 use crate::compare::edge_sample::{EdgeSample, edge_samples};
 use crate::compare::feature::Luma;
 use crate::compare::step_test::StepAlignment;
+use crate::compare::window::{FoundWindow, ShownWindow, disagreement, find_window};
 use crate::edges::{Edge, detect};
 
 /// Standard deviation of the Gaussian that smooths both images before edges are compared, in pixels.
@@ -40,6 +41,8 @@ pub enum CameraChange {
     Unchanged,
     /// Rotated or zoomed at the same position.
     Moved,
+    /// Not moved: the new image shows a window of the old one (digital zoom, crop or another resolution).
+    Windowed,
     /// Moved to another position: near and far edges do not fit one rotation.
     Shifted,
     /// Different image content: another camera, another view, or an obstruction.
@@ -58,7 +61,7 @@ impl CameraChange {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Unchanged => "unchanged",
-            Self::Moved | Self::Shifted => "moved",
+            Self::Moved | Self::Windowed | Self::Shifted => "moved",
             Self::DifferentView => "replaced",
             Self::TooDark | Self::Blind | Self::TooFewEdges => "cannot-tell",
         }
@@ -67,7 +70,7 @@ impl CameraChange {
     /// Whether pixels of the old image can be mapped to the new image.
     #[must_use]
     pub const fn is_aligned(self) -> bool {
-        matches!(self, Self::Unchanged | Self::Moved | Self::Shifted)
+        matches!(self, Self::Unchanged | Self::Moved | Self::Windowed | Self::Shifted)
     }
 }
 
@@ -76,6 +79,9 @@ impl fmt::Display for CameraChange {
         f.write_str(match self {
             Self::Unchanged => "the camera is unchanged",
             Self::Moved => "the camera rotated or zoomed",
+            Self::Windowed => {
+                "the new image shows a part of the old one: digital zoom, crop or another resolution"
+            }
             Self::Shifted => "the camera was moved to another position",
             Self::DifferentView => {
                 "the new image shows something else: another camera, another view, or an obstruction"
@@ -157,6 +163,9 @@ pub struct Comparison {
     pub visible_samples: usize,
     /// Fraction of the visible samples that were found again.
     pub found_fraction: f64,
+    /// Window of the old image that the new image shows, if the camera changed in this way.
+    #[serde(default)]
+    pub window: Option<ShownWindow>,
     /// Fraction of the visible samples that are found by chance, under wrong rotations.
     pub chance_fraction: f64,
     /// Positions of the edge samples in the old image, each with its result: whether the edge is at its
@@ -169,7 +178,7 @@ impl Comparison {
     /// the annotated edges in `drawn` take precedence.
     ///
     /// # Errors
-    /// Returns an error if the images differ in size.
+    /// Returns an error if the images differ in size, and the new image is no window of the old one.
     pub fn new(
         camera: &Camera,
         drawn: &[Edge],
@@ -177,15 +186,18 @@ impl Comparison {
         new: &RgbImage,
     ) -> Result<Self, SizeMismatchError> {
         let size = |image: &RgbImage| [image.width(), image.height()];
-        if size(old) != size(new) {
-            return Err(SizeMismatchError { old: size(old), new: size(new) });
-        }
         let [before, after] = [old, new].map(Luma::new);
+        if size(old) != size(new) {
+            let mismatch = SizeMismatchError { old: size(old), new: size(new) };
+            let found = find_window(&before, &after).ok_or(mismatch)?;
+            return Ok(Self::windowed(&found, size(new), Vec::new()));
+        }
         let [fine, later] = [&before, &after].map(|luma| luma.smoothed(SMOOTHING_PX));
         let edges: Vec<Edge> = drawn.iter().copied().chain(detect(old)).collect();
         let places = edge_samples(camera, &fine, &edges);
         let pair = ImagePair { camera, before, after, later, places, corners: OnceCell::new() };
-        Ok(pair.compare(new))
+        let moved = pair.compare(new);
+        Ok(pair.window(&moved, size(new)).unwrap_or(moved))
     }
 
     /// Compares a new image with the calibrated image `old` of a camera of a site. The annotated lines of the
@@ -196,6 +208,12 @@ impl Comparison {
     pub fn from_entry(entry: &SiteCamera, old: &RgbImage, new: &RgbImage) -> Result<Self, ComparisonError> {
         let camera = entry.camera().ok_or(ComparisonError::NotCalibrated)?;
         Self::new(&camera, &annotation_edges(entry), old, new).map_err(ComparisonError::SizeMismatch)
+    }
+
+    /// Returns the map from pixels of the old image to pixels of the new image.
+    pub fn pixel_map(&self, camera: &Camera) -> impl Fn(Pixel) -> Option<Pixel> + use<> {
+        let (turned, window) = (self.rotation.for_camera(camera), self.window);
+        move |at| window.map_or_else(|| turned.map_pixel(at), |window| Some(window.map.pixel(at)))
     }
 
     /// Returns the changes of yaw, pitch and roll, in radians, and of the log focal length, each with its
@@ -248,6 +266,25 @@ impl Comparison {
         let [x, y, z] = self.rotation.vector.map(|part| part / angle);
         let of_focal = angle * (x * x + y * y) * focal_sigma(camera);
         (angle, (self.variance([x, y, z, 0.0]) + of_focal.powi(2)).sqrt())
+    }
+
+    /// Returns the result for an image that shows a window of the old image.
+    fn windowed(found: &FoundWindow, size: [u32; 2], samples: Vec<(Pixel, Option<bool>)>) -> Self {
+        let mut covariance = [[0.0; RotationZoom::SIZE]; RotationZoom::SIZE];
+        covariance[3][3] = found.sigma * found.sigma;
+        Self {
+            change: CameraChange::Windowed,
+            rotation: RotationZoom { zoom: found.map.scale[0].ln(), ..RotationZoom::default() },
+            covariance,
+            bound: covariance,
+            z_score: (found.map.scale[0].ln() / found.sigma.max(1e-9)).abs().min(1e9),
+            shift: 0.0,
+            visible_samples: samples.iter().filter(|(_, found)| found.is_some()).count(),
+            found_fraction: found.share,
+            window: Some(ShownWindow { map: found.map, size }),
+            chance_fraction: 0.0,
+            samples,
+        }
     }
 
     /// Returns the ratio of the new to the old focal length, and its standard deviation.
@@ -357,9 +394,38 @@ impl ImagePair<'_> {
             shift,
             visible_samples: found.found.iter().flatten().count(),
             found_fraction: found.found_fraction(),
+            window: None,
             chance_fraction: chance,
             samples,
         }
+    }
+
+    /// Returns the result for a window of the old image, if it explains the new image better than `moved`.
+    fn window(&self, moved: &Comparison, size: [u32; 2]) -> Option<Comparison> {
+        /// Largest ratio of the disagreement of a window to the disagreement of a rotation and zoom.
+        const MAX_RATIO: f64 = 0.8;
+        let is_open = matches!(
+            moved.change,
+            CameraChange::Moved | CameraChange::Shifted | CameraChange::DifferentView | CameraChange::Blind
+        );
+        let found = is_open.then(|| find_window(&self.before, &self.after))??;
+        if moved.change.is_aligned() {
+            let turned = moved.rotation.for_camera(self.camera);
+            let images = [&self.before, &self.after];
+            let by_window = disagreement(images, found.map, |at| Some(found.map.pixel(at)))?;
+            let by_rotation = disagreement(images, found.map, |at| turned.map_pixel(at));
+            if by_rotation.is_some_and(|by_rotation| by_window > MAX_RATIO * by_rotation) {
+                return None;
+            }
+        }
+        let [width, height] = size.map(f64::from);
+        let is_shown = |at: Pixel| {
+            let Pixel { u, v } = found.map.pixel(at);
+            (0.0..width).contains(&u) && (0.0..height).contains(&v)
+        };
+        let samples =
+            self.places.iter().map(|place| (place.at, is_shown(place.at).then_some(true))).collect();
+        Some(Comparison::windowed(&found, size, samples))
     }
 
     /// Returns the significance of the rotation and zoom of an alignment, as a z-score.
@@ -401,6 +467,7 @@ impl ImagePair<'_> {
             shift: 0.0,
             visible_samples: self.places.len(),
             found_fraction: 0.0,
+            window: None,
             chance_fraction,
             samples: self.places.iter().map(|place| (place.at, Some(false))).collect(),
         }

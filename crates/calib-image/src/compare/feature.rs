@@ -161,7 +161,12 @@ struct Level {
 
 /// Detects the corners of an image. Each corner is described once for every rotation in `leans`, in radians.
 pub(crate) fn features(luma: &Luma, leans: &[f64]) -> Vec<Feature> {
-    let first = (luma.width as f64 / MAX_WIDTH_PX).max(1.0);
+    features_from(luma, leans, 1.0)
+}
+
+/// Detects the corners of an image like [`features`], at scales that are coarser by the factor `coarser`.
+pub(crate) fn features_from(luma: &Luma, leans: &[f64], coarser: f64) -> Vec<Feature> {
+    let first = coarser * (luma.width as f64 / MAX_WIDTH_PX).max(1.0);
     let levels = (0..SCALE_COUNT).map(|i| Level::new(luma, first * 0.5_f64.powf(-0.5 * f64::from(i))));
     let mut found = Vec::new();
     for level in levels {

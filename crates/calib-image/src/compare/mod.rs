@@ -9,6 +9,7 @@
 //! - `motion`: the motion of a camera and its derivatives; `edge_sample`: samples along the edges of the old image;
 //! - `turn_fit`: one rotation and zoom fitted to all edge offsets; `alignment`: iterated search and fit;
 //! - `step_test`: the test for a moved camera;
+//! - `window`: a digital zoom or crop instead of a movement;
 //! - `comparison`: the entry point, [`Comparison`];
 //! - `transfer`: annotations transferred to the new image; `recovery`: the camera solved from them,
 //!   [`recover`].
@@ -21,9 +22,11 @@ mod edge_sample;
 mod alignment;
 mod step_test;
 mod comparison;
+mod window;
 mod transfer;
 mod recovery;
 
 pub use comparison::{CameraChange, Comparison, ComparisonError, SizeMismatchError, annotation_edges};
 pub use recovery::{RecoveryError, recover};
 pub use turn_fit::{EdgeOffset, FitParameters, RotationFit, STEP_SIZE, TONE_SIZE};
+pub use window::ShownWindow;

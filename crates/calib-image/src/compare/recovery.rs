@@ -78,6 +78,11 @@ pub fn recover(
     let entry = site.cameras.get(index).ok_or(RecoveryError::NotCalibrated)?;
     let camera = entry.camera().ok_or(RecoveryError::NotCalibrated)?;
     check_conditions(entry, comparison.change, &new_image.since)?;
+    if let Some(window) = comparison.window {
+        let carried = site.windowed(index, &window.map, window.size, new_image);
+        let carried = carried.ok_or(RecoveryError::NotCalibrated)?;
+        return Ok(Recovered { site: solve_window(&carried.site, index)?, ..carried });
+    }
     let carry = AnnotationTransfer::new(&camera, comparison.rotation, old, new);
     let carried =
         site.recovered(index, &comparison.rotation, &carry, new_image).ok_or(RecoveryError::NotCalibrated)?;
@@ -92,7 +97,7 @@ pub fn recover(
 /// Checks the conditions for a recovery before the transfer of annotations. `since` is the time of the new
 /// image.
 fn check_conditions(entry: &SiteCamera, change: CameraChange, since: &str) -> Result<(), RecoveryError> {
-    if change != CameraChange::Moved {
+    if !matches!(change, CameraChange::Moved | CameraChange::Windowed) {
         return Err(RecoveryError::NotRotated(change));
     }
     if entry.annotations.is_empty() {
@@ -102,13 +107,27 @@ fn check_conditions(entry: &SiteCamera, change: CameraChange, since: &str) -> Re
     if is_divided { Ok(()) } else { Err(RecoveryError::OutsidePeriod(since.to_owned())) }
 }
 
-/// Solves the camera with this index and compares the solution with the predicted camera. The other cameras
-/// of the site stay unchanged.
-fn solve_camera(site: &Site, index: usize, old: &Camera, predicted: &Camera) -> Result<Site, RecoveryError> {
+/// Solves the camera with this index, whose image shows a window of the old image. The other cameras of the site
+/// stay unchanged.
+fn solve_window(site: &Site, index: usize) -> Result<Site, RecoveryError> {
+    let site = solved_alone(site, index);
+    let entry = &site.cameras[index];
+    let why = || entry.error.as_ref().map(|error| error.message.clone()).unwrap_or_default();
+    if entry.camera().is_none() { Err(RecoveryError::Unsolved(why())) } else { Ok(site) }
+}
+
+/// Returns the site with a new solution of the camera with this index.
+fn solved_alone(site: &Site, index: usize) -> Site {
     let id = site.cameras[index].id.clone();
     let mut report = site.calibrate(&Options { cameras: Some(vec![id]), ..Options::default() });
     report.cameras.retain(|(of, _)| *of == index);
-    let site = report.write_into(site);
+    report.write_into(site)
+}
+
+/// Solves the camera with this index and compares the solution with the predicted camera. The other cameras
+/// of the site stay unchanged.
+fn solve_camera(site: &Site, index: usize, old: &Camera, predicted: &Camera) -> Result<Site, RecoveryError> {
+    let site = solved_alone(site, index);
     let entry = &site.cameras[index];
     let why = || entry.error.as_ref().map(|error| error.message.clone()).unwrap_or_default();
     let found = entry.camera().ok_or_else(|| RecoveryError::Unsolved(why()))?;
