@@ -106,7 +106,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     }
     report(args, &compared)?;
     if let Some(folder) = &args.render {
-        draw(&file, &compared, folder, args.force)?;
+        draw(&compared, folder, args.force)?;
     }
     if let Some(output) = args.output.as_deref().filter(|_| args.recover) {
         write_recovered(&file, &compared, args.since, output, args.force)?;
@@ -197,12 +197,7 @@ fn compare(
 }
 
 /// Writes the newest image of every camera with its matched and missing edges into a folder.
-fn draw(
-    file: &SiteFile,
-    compared: &[CameraComparison],
-    folder: &Path,
-    force: bool,
-) -> Result<(), CommandError> {
+fn draw(compared: &[CameraComparison], folder: &Path, force: bool) -> Result<(), CommandError> {
     std::fs::create_dir_all(folder).with_context(|| format!("creating {}", folder.display()))?;
     for (of, seen) in compared.iter().filter_map(|of| Some((of, of.newest()?))) {
         let image = draw_edges(of, seen, read_newer_image(&seen.path)?);

@@ -15,7 +15,7 @@ use calib_core::bundle::{
 use calib_core::camera::{Camera, Covariance, Lens, Pixel, WorldPoint};
 use calib_core::floor::STAGE_1_HEIGHT;
 use calib_core::outcome::{Failure, Source};
-use calib_core::single::{FixedParameters, PlanePrior, PrincipalPointPrior, Prior, Priors};
+use calib_core::single::{FixedParameters, PlanePrior, Prior, Priors};
 
 /// Result of the bundle adjustment of a site.
 #[derive(Clone, Debug, Default)]

@@ -157,13 +157,9 @@ impl FlowCovariance {
             along: [along[0], along[1], along[2], 0.5 * of(6, 6), of(6, 7), 0.5 * of(7, 7)],
             lens_with_pose: std::array::from_fn(lens_with_pose),
             lens: std::array::from_fn(|i| std::array::from_fn(|j| lens(i, j))),
-            after_coefficients: if is_estimated(&Covariance::ASPECT) {
-                3
-            } else if is_estimated(&Covariance::CENTRE) || is_estimated(&(Covariance::CENTRE + 1)) {
-                2
-            } else {
-                0
-            },
+            after_coefficients: (Covariance::CENTRE..Covariance::SIZE)
+                .rposition(|index| is_estimated(&index))
+                .map_or(0, |last| (last + 1).max(2)),
         }
     }
 

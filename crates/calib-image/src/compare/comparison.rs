@@ -17,13 +17,11 @@ use serde::{Deserialize, Serialize};
 use crate::compare::alignment::{Alignment, chance_fraction};
 use crate::compare::coarse::{CornerMatch, coarse_rotation, corners};
 use crate::compare::edge_sample::{EdgeSample, edge_samples};
-use crate::compare::feature::Luma;
+use crate::compare::feature::{Luma, SMOOTHING_PX};
 use crate::compare::step_test::StepAlignment;
 use crate::compare::window::{FoundWindow, ShownWindow, disagreement, find_window};
 use crate::edges::{Edge, detect};
 
-/// Standard deviation of the Gaussian that smooths both images before edges are compared, in pixels.
-pub(crate) const SMOOTHING_PX: f64 = 0.9;
 /// Smallest z-score of a rotation or zoom that counts as a change. A camera that did not move is reported as
 /// moved in at most one of some hundred images.
 const MIN_Z_SCORE: f64 = 3.0;

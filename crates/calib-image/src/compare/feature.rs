@@ -13,6 +13,9 @@ use image::RgbImage;
 /// count as contrast.
 const BRIGHTNESS_OFFSET: f32 = 12.0;
 
+/// Standard deviation of the Gaussian that smooths both images before their brightness is compared, in pixels.
+pub(crate) const SMOOTHING_PX: f64 = 0.9;
+
 /// Image of the natural logarithm of brightness, one value a pixel, row by row.
 #[derive(Clone, Debug)]
 pub(crate) struct Luma {

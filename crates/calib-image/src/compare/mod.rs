@@ -21,8 +21,8 @@ mod coarse;
 mod edge_sample;
 mod alignment;
 mod step_test;
-mod comparison;
 mod window;
+mod comparison;
 mod transfer;
 mod recovery;
 

@@ -9,9 +9,8 @@ use calib_site::ImageTransfer;
 use image::RgbImage;
 
 use crate::compare::alignment::Search;
-use crate::compare::comparison::SMOOTHING_PX;
 use crate::compare::edge_sample::edge_samples;
-use crate::compare::feature::Luma;
+use crate::compare::feature::{Luma, SMOOTHING_PX};
 use crate::edges::Edge;
 use crate::pull::snap_polyline;
 

@@ -13,8 +13,7 @@ use nalgebra::{Matrix4, Vector4};
 use serde::{Deserialize, Serialize};
 
 use crate::compare::coarse::XorShift;
-use crate::compare::comparison::SMOOTHING_PX;
-use crate::compare::feature::{Luma, features, features_from, matches};
+use crate::compare::feature::{Luma, SMOOTHING_PX, features, features_from, matches};
 
 /// Smallest and largest scale of a window. Zooms are digital up to a factor of 4; smaller scales are substreams.
 const SCALES: [f64; 2] = [0.2, 4.6];
