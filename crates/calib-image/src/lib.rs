@@ -10,7 +10,8 @@
 //! - `bars`: black bars at the sides of an image;
 //! - `empty_scene`: median of several images, without the objects that move;
 //! - `proposal`: automatic calibration from edges;
-//! - `compare`: change of a camera between two images, and recovery after a rotation.
+//! - `compare`: change of a camera between two images, and recovery after a rotation;
+//! - `registration`: relative poses of the cameras of a site, from the colours of their images.
 //!
 //! ```
 //! use calib_image::{AutomaticCalibration, Confidence, EdgeImage, line_segments};
@@ -31,6 +32,7 @@ mod bars;
 mod empty_scene;
 mod proposal;
 mod compare;
+mod registration;
 
 pub use bars::Bars;
 pub use compare::{
@@ -45,3 +47,7 @@ pub use proposal::{
     Alternative, AutomaticCalibration, Confidence, EdgeClass, EdgeImage, Group, Reason, join_edges,
 };
 pub use pull::{SNAP_RADIUS_PX, snap_image_curve, snap_line, snap_polyline};
+pub use registration::{
+    PairAgreement, PairDecision, PairRegistration, SiteColours, SiteRegistration, View, join, register,
+    register_pair,
+};

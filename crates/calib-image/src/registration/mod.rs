@@ -1,0 +1,46 @@
+//! Registration of the cameras of a site from one image each: their relative poses on the floor, without
+//! common annotations.
+//!
+//! Each camera has a calibration (roll, pitch, focal length, lens) and a height that is known to about 10 %.
+//! The views may differ so much that no local feature matches. Colours of surfaces remain: the method
+//! maximises the volumetric colour consistency of the images. It is related to space carving (Seitz and Dyer,
+//! *Photorealistic scene reconstruction by voxel coloring*, 1999; Kutulakos and Seitz, *A theory of shape by
+//! space carving*, 2000), with the poses as unknowns.
+//!
+//! The colours of a site are divided into classes. A ray of one image with a class supports a pose if the other
+//! image shows this class at the projection of a point of the ray; `pair_score` contains the formula. Rays of
+//! rare classes and of small blobs have more weight. All lengths are in heights of the camera, because the scale
+//! of the floor is known only from the heights. The pose of a pair has four parameters: yaw, position and the
+//! ratio of the heights. A baseline of the correct direction and a wrong length has a high score, too; these
+//! poses form a ridge. A pair is found if its best score is much larger than the best score outside the ridge.
+//!
+//! The files in data-flow order:
+//!
+//! - `local_view`: the frame of one camera; `lab_image`: small image in Lab;
+//! - `colour_classes`: classes of the site and their shares in pixels; `colour_items`: rays with a class;
+//! - `class_volume`, `direction_map`: class shares by position and by direction;
+//! - `site_colours`: prepared data of all cameras, [`SiteColours`];
+//! - `relative_pose`, `pair_score`: pose of a pair and its score;
+//! - `coarse_search`: all poses of a pair; `pair_search`: refinement and decision, [`register_pair`];
+//! - `floor_pose`: spanning trees of pairs; `joint_search`: maximum of all pairs of a group;
+//! - `site_registration`: the entry point, [`register`].
+
+mod local_view;
+mod lab_image;
+mod colour_classes;
+mod colour_items;
+mod class_volume;
+mod direction_map;
+mod site_colours;
+mod relative_pose;
+mod pair_score;
+mod coarse_search;
+mod pair_search;
+mod floor_pose;
+mod joint_search;
+mod site_registration;
+
+pub use local_view::View;
+pub use pair_search::{PairDecision, PairRegistration, register_pair};
+pub use site_colours::SiteColours;
+pub use site_registration::{PairAgreement, SiteRegistration, join, register};

@@ -1,0 +1,166 @@
+//! Score of a relative pose: the volumetric colour consistency of two images.
+//!
+//! An item of image A is a ray with a colour class k. The surface that it shows is on the ray, between the
+//! floor and a height limit. If the pose is correct, image B shows the class at the projection of one point of
+//! the ray, unless the surface is hidden. Let `f(v)` be the share of the class in B at the projection of a
+//! point `v`, and `b` its background share in B. With an unknown point, the likelihood ratio of the item is the
+//! mean over the points, mixed with a share `e` of hidden surfaces:
+//!
+//! ```text
+//! r(v) = (f(v) + d) / (b + d)              1 if B does not show v
+//! F = sum over items of w log2(e + (1 - e) mean of r(v))
+//! ```
+//!
+//! The items of B are scored in A with the inverse pose, and both sums are added.
+
+use crate::registration::class_volume::MAX_RAY;
+use crate::registration::colour_items::{Item, normalise_weights};
+use crate::registration::direction_map::{DirectionMap, MIN_SHARE};
+use crate::registration::relative_pose::RelativePose;
+use crate::registration::site_colours::{CameraColours, Level};
+
+/// Share of hidden surfaces and of wrong colours.
+pub(crate) const OUTLIER_SHARE: f32 = 0.15;
+/// Largest height of a surface, in units of the geometric mean of the heights of both cameras.
+const MAX_SURFACE_HEIGHT: f64 = 0.45;
+/// Smallest horizontal distance of a surface from its camera, in heights.
+pub(crate) const MIN_RAY: f64 = 0.075;
+/// Factor of the prior of the height ratio, in score units: a deviation of one sigma costs this much.
+pub(crate) const PRIOR_WEIGHT: f64 = 5.0;
+
+/// Items of a camera that are scored in another camera.
+struct Side<'a> {
+    items: Vec<Item>,
+    map: &'a DirectionMap,
+    rotation: [[f32; 3]; 3],
+    max_height: f64,
+    level: Level,
+}
+
+/// Score of the relative poses of two cameras.
+pub(crate) struct PairScore<'a> {
+    /// Ratio of the given heights of the first and the second camera.
+    pub(crate) ratio: f64,
+    /// Standard deviation of the log of the height ratio.
+    sigma: f64,
+    sides: [Side<'a>; 2],
+}
+
+/// Returns the largest height of a surface, in heights of the second camera, for a ratio of the heights of the
+/// first and the second camera.
+pub(crate) fn max_surface_height(ratio: f64) -> f64 {
+    MAX_SURFACE_HEIGHT * ratio.sqrt()
+}
+
+/// Returns the standard deviation of the log of the height ratio of two cameras, per camera.
+pub(crate) fn ratio_sigma([a, b]: [&CameraColours; 2]) -> f64 {
+    (0.5 * (a.height_sigma.powi(2) + b.height_sigma.powi(2))).sqrt()
+}
+
+/// Selects the items of both cameras, with weights of a common sum.
+pub(crate) fn select_items([a, b]: [&CameraColours; 2], level: Level, count: usize) -> [Vec<Item>; 2] {
+    let mut first = a.items(level).select(&b.background, count);
+    let mut second = b.items(level).select(&a.background, count);
+    normalise_weights([&mut first, &mut second]);
+    [first, second]
+}
+
+impl<'a> PairScore<'a> {
+    /// Creates the score of a pair of cameras.
+    pub(crate) fn new(pair: [&'a CameraColours; 2], level: Level) -> Self {
+        let count = match level {
+            Level::Medium => 500,
+            Level::Fine => 1200,
+        };
+        let [a, b] = pair;
+        let ratio = a.height / b.height;
+        let [first, second] = select_items(pair, level, count);
+        let side = |items: Vec<Item>, target: &'a CameraColours, ratio: f64| Side {
+            items,
+            map: target.map(level),
+            rotation: target.rotation.map(|row| row.map(|c| c as f32)),
+            max_height: max_surface_height(ratio),
+            level,
+        };
+        let sides = [side(first, b, ratio), side(second, a, 1.0 / ratio)];
+        Self { ratio, sigma: ratio_sigma(pair), sides }
+    }
+
+    /// Returns the score of a pose, without the prior of the height ratio.
+    pub(crate) fn colour(&self, pose: &RelativePose) -> f64 {
+        let [first, second] = &self.sides;
+        first.score(pose, self.ratio) + second.score(&pose.inverse(self.ratio), 1.0 / self.ratio)
+    }
+
+    /// Returns the score of a pose with the prior of the height ratio.
+    pub(crate) fn score(&self, pose: &RelativePose) -> f64 {
+        self.colour(pose) - PRIOR_WEIGHT * (pose.log_ratio / self.sigma).powi(2)
+    }
+
+    /// Maximises the score from a start with a pattern search: each parameter in turn, with steps that are
+    /// halved. `steps` contains the first steps of yaw (radians), log ratio, and position (heights).
+    pub(crate) fn climb(&self, start: &RelativePose, steps: [f64; 3]) -> (f64, RelativePose) {
+        const ROUNDS: usize = 3;
+        const SWEEPS: usize = 6;
+        let mut steps = [steps[0], steps[1], steps[2], steps[2]];
+        let mut best = start.to_parameters();
+        let mut score = self.score(start);
+        for _ in 0..ROUNDS {
+            for _ in 0..SWEEPS {
+                let before = score;
+                for (i, step) in steps.into_iter().enumerate() {
+                    for step in [step, -step] {
+                        let mut next = best;
+                        next[i] += step;
+                        let value = self.score(&RelativePose::from_parameters(next));
+                        if value > score {
+                            (best, score) = (next, value);
+                            break;
+                        }
+                    }
+                }
+                if score <= before {
+                    break;
+                }
+            }
+            steps = steps.map(|step| 0.5 * step);
+        }
+        (score, RelativePose::from_parameters(best))
+    }
+}
+
+impl Side<'_> {
+    /// Returns the score of the items in the target camera, for a pose of their camera. `ratio` is the ratio of
+    /// the given heights.
+    fn score(&self, pose: &RelativePose, ratio: f64) -> f64 {
+        match self.level {
+            Level::Medium => self.score_points::<12>(pose, ratio),
+            Level::Fine => self.score_points::<16>(pose, ratio),
+        }
+    }
+
+    /// Returns the score with `N` points on each ray.
+    fn score_points<const N: usize>(&self, pose: &RelativePose, ratio: f64) -> f64 {
+        let height = (ratio * pose.log_ratio.exp()) as f32;
+        let above = height - self.max_height as f32;
+        let (sin, cos) = (pose.yaw.sin() as f32, pose.yaw.cos() as f32);
+        let turn = |v: [f32; 3]| self.rotation.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2]);
+        let origin = turn([pose.at[0] as f32, pose.at[1] as f32, height - 1.0]);
+        let mut total = 0.0;
+        for item in &self.items {
+            let near = (above / item.slope).max(MIN_RAY as f32);
+            let far = (height / item.slope).min(MAX_RAY as f32);
+            if near >= far {
+                continue;
+            }
+            let [dx, dy] = item.heading;
+            let along = turn([cos * dx - sin * dy, sin * dx + cos * dy, -item.slope]);
+            let step = (far - near) / (N - 1) as f32;
+            let from = std::array::from_fn(|i| origin[i] + near * along[i]);
+            let mean = self.map.mean_on_ray::<N>(item.class, from, along.map(|c| step * c));
+            let ratio = (mean + MIN_SHARE) / (self.map.background(item.class) + MIN_SHARE);
+            total += f64::from(item.weight * (OUTLIER_SHARE + (1.0 - OUTLIER_SHARE) * ratio).log2());
+        }
+        total
+    }
+}

@@ -1,0 +1,193 @@
+//! Registration of all cameras of a site.
+
+use calib_core::{Camera, WorldPoint};
+
+use crate::registration::floor_pose::{FloorPose, Poses, is_usable, spanning_tree};
+use crate::registration::joint_search::JointSearch;
+use crate::registration::local_view::View;
+use crate::registration::pair_search::{DECISION_TOLERANCE, PairDecision, PairRegistration, register_pair};
+use crate::registration::relative_pose::wrapped;
+use crate::registration::site_colours::{Level, SiteColours};
+
+/// Number of spanning trees from which the joint search starts.
+const START_COUNT: usize = 6;
+
+/// Agreement of the estimate of one pair with the joint estimate. Groups with more pairs than connections have
+/// loops, and their agreement checks the registration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PairAgreement {
+    /// Indices of the first and the second camera.
+    pub views: [usize; 2],
+    /// Yaw of the pair minus yaw of the joint estimate, in radians.
+    pub yaw_difference: f64,
+    /// Distance between the baselines of the pair and of the joint estimate, in metres.
+    pub baseline_difference: f64,
+    /// Whether both have the same yaw and baseline direction, within 12 degrees.
+    pub agrees: bool,
+}
+
+/// Registration of all cameras of a site.
+#[derive(Clone, Debug)]
+pub struct SiteRegistration {
+    /// Groups of at least two connected cameras, as indices of the views. The relative pose of two groups is
+    /// unknown.
+    pub groups: Vec<Vec<usize>>,
+    /// Cameras with their estimated poses; `None` for cameras without a group. The first camera of a group is
+    /// at x = y = 0 and has its given yaw. The height `z` of each camera is estimated. The covariance is
+    /// unchanged.
+    pub cameras: Vec<Option<Camera>>,
+    /// All pairs.
+    pub pairs: Vec<PairRegistration>,
+    /// Agreement of each pair that the joint estimate uses.
+    pub agreement: Vec<PairAgreement>,
+}
+
+/// Registers all cameras of a site. `progress` receives the completed fraction, 0 to 1, and returns `false` to
+/// cancel. Returns `None` if it was cancelled.
+pub fn register(views: &[View], progress: &mut dyn FnMut(f64) -> bool) -> Option<SiteRegistration> {
+    /// Fractions of the work after the preparation and after the pairs.
+    const PREPARED: f64 = 0.1;
+    const PAIRED: f64 = 0.7;
+    progress(0.0).then_some(())?;
+    let site = SiteColours::new(views);
+    progress(PREPARED).then_some(())?;
+    let pairs = site.pairs();
+    let mut registered = Vec::with_capacity(pairs.len());
+    for (index, &pair) in pairs.iter().enumerate() {
+        registered.push(register_pair(&site, pair));
+        let done = (index + 1) as f64 / pairs.len() as f64;
+        progress(PREPARED + (PAIRED - PREPARED) * done).then_some(())?;
+    }
+    join(&site, &registered, &mut |done| progress(PAIRED + (1.0 - PAIRED) * done))
+}
+
+/// Combines registered pairs to a registration of the site. `progress` receives the completed fraction, 0 to 1,
+/// and returns `false` to cancel. Returns `None` if it was cancelled.
+pub fn join(
+    site: &SiteColours,
+    pairs: &[PairRegistration],
+    progress: &mut dyn FnMut(f64) -> bool,
+) -> Option<SiteRegistration> {
+    let heights: Vec<f64> = site.cameras.iter().map(|camera| camera.position.z).collect();
+    let is_valid = |pair: &&PairRegistration| site.pair(pair.views).is_some();
+    let known: Vec<PairRegistration> = pairs.iter().filter(is_valid).cloned().collect();
+    let mut result = SiteRegistration {
+        groups: Vec::new(),
+        cameras: vec![None; heights.len()],
+        pairs: pairs.to_vec(),
+        agreement: Vec::new(),
+    };
+    let first_of = |pairs: &[PairRegistration], is_placed: &dyn Fn(usize) -> bool| {
+        let found = pairs.iter().filter(|pair| pair.decision == PairDecision::Found);
+        found
+            .filter(|pair| !is_placed(pair.views[0]))
+            .max_by(|a, b| rank(a).total_cmp(&rank(b)))
+            .map(|pair| pair.views[1])
+    };
+    while let Some(first) = first_of(&known, &|view| result.cameras[view].is_some()) {
+        let done = result.cameras.iter().flatten().count() as f64 / heights.len().max(1) as f64;
+        let poses =
+            join_group(site, &known, &heights, first, &mut |part| progress(done + (1.0 - done) * part))?;
+        result.add_group(site, &known, &heights, &poses);
+    }
+    progress(1.0).then_some(result)
+}
+
+/// Returns the rank of a pair for a spanning tree.
+fn rank(pair: &PairRegistration) -> f64 {
+    /// Ratio above which a pair is not ranked higher.
+    const MAX_RATIO: f64 = 3.0;
+    pair.ratio.min(MAX_RATIO) * pair.score
+}
+
+/// Estimates the poses of the group of the camera `first`. The joint maximum is narrow, so the search starts
+/// from several spanning trees, and the best result is refined.
+fn join_group(
+    site: &SiteColours,
+    pairs: &[PairRegistration],
+    heights: &[f64],
+    first: usize,
+    progress: &mut dyn FnMut(f64) -> bool,
+) -> Option<Poses> {
+    /// Standard deviation of the log of the random factor of a rank.
+    const RANK_SIGMA: f64 = 0.6;
+    let tree = spanning_tree(pairs, heights, first, &mut rank);
+    let used: Vec<&PairRegistration> = pairs.iter().filter(|pair| is_usable(pair, &tree, heights)).collect();
+    let mut chance = XorShift(0x9e37_79b9_7f4a_7c15);
+    let mut search = JointSearch::new(site, tree.clone(), &used, Level::Fine);
+    let mut best: Option<(f64, Poses)> = None;
+    for start in 0..START_COUNT {
+        if start > 0 {
+            let mut random_rank = |pair: &PairRegistration| rank(pair) * (RANK_SIGMA * chance.normal()).exp();
+            search.restart(spanning_tree(pairs, heights, first, &mut random_rank));
+        }
+        search.climb(3, [0.15, 0.04]);
+        let score = search.score();
+        if best.as_ref().is_none_or(|(most, _)| score > *most) {
+            best = Some((score, search.poses.clone()));
+        }
+        progress(0.8 * (start + 1) as f64 / START_COUNT as f64).then_some(())?;
+    }
+    let (_, poses) = best?;
+    let mut search = JointSearch::new(site, poses, &used, Level::Fine);
+    search.climb(3, [0.05, 0.015]);
+    Some(search.poses)
+}
+
+impl SiteRegistration {
+    /// Adds a group, in the frame of its first camera.
+    fn add_group(&mut self, site: &SiteColours, pairs: &[PairRegistration], heights: &[f64], poses: &Poses) {
+        let members: Vec<usize> = (0..poses.len()).filter(|&index| poses[index].is_some()).collect();
+        let Some(base) = members.first().and_then(|&first| poses[first]) else { return };
+        let turn = members.first().map_or(0.0, |&first| site.cameras[first].yaw - base.yaw);
+        let (sin, cos) = turn.sin_cos();
+        for (index, pose) in poses.iter().enumerate() {
+            let Some(pose) = pose else { continue };
+            let [x, y] = [0, 1].map(|i| pose.at[i] - base.at[i]);
+            let z = heights[index] * pose.log_height.exp();
+            let position = WorldPoint::new(cos * x - sin * y, sin * x + cos * y, z);
+            let yaw = if members.first() == Some(&index) {
+                site.cameras[index].yaw
+            } else {
+                wrapped(pose.yaw + turn)
+            };
+            self.cameras[index] = Some(Camera { position, yaw, ..site.cameras[index] });
+        }
+        let used = pairs.iter().filter(|pair| is_usable(pair, poses, heights));
+        self.agreement.extend(used.filter_map(|pair| PairAgreement::new(pair, poses, heights)));
+        self.groups.push(members);
+    }
+}
+
+impl PairAgreement {
+    /// Compares the best pose of a pair with the joint estimate.
+    fn new(pair: &PairRegistration, poses: &Poses, heights: &[f64]) -> Option<Self> {
+        let [a, b] = pair.views;
+        let (first, second): (FloorPose, FloorPose) = (poses[a]?, poses[b]?);
+        let joint = first.relative_to(&second, heights[b]);
+        let own = pair.poses.first()?;
+        let distance = (own.at[0] - joint.at[0]).hypot(own.at[1] - joint.at[1]);
+        Some(Self {
+            views: pair.views,
+            yaw_difference: wrapped(own.yaw - joint.yaw),
+            baseline_difference: distance * heights[b] * second.log_height.exp(),
+            agrees: own.is_on_ridge(&joint, DECISION_TOLERANCE),
+        })
+    }
+}
+
+/// Pseudo-random generator with the same sequence on every machine (Marsaglia 2003).
+struct XorShift(u64);
+
+impl XorShift {
+    /// Returns an approximately normal number with standard deviation 1: the sum of twelve uniform numbers.
+    fn normal(&mut self) -> f64 {
+        let uniform = |_| {
+            self.0 ^= self.0 << 13;
+            self.0 ^= self.0 >> 7;
+            self.0 ^= self.0 << 17;
+            (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        (0..12).map(uniform).sum::<f64>() - 6.0
+    }
+}
