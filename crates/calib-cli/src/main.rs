@@ -36,6 +36,7 @@ mod detections;
 mod project;
 mod export;
 mod import;
+mod placing;
 mod propose;
 #[cfg(feature = "archives")]
 mod walk;

@@ -17,6 +17,7 @@ use crate::files::ThreadsArgs;
 use crate::files::{self, print_message};
 use crate::painting::draw_on;
 use crate::picture;
+use crate::placing::Placing;
 use crate::site_file;
 use crate::site_file::path_relative_to_file;
 use crate::solve::Format;
@@ -59,6 +60,9 @@ pub(crate) struct Args {
     /// Write every image, with its automatic calibration drawn on it, to this folder
     #[arg(long, value_name = "DIR")]
     render: Option<PathBuf>,
+    /// Do not place the cameras relative to each other
+    #[arg(long)]
+    no_places: bool,
     /// Output format of the report
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
@@ -98,6 +102,12 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     let output = args.output.as_deref().unwrap_or("-");
     let cameras = results.iter().zip(ids).map(|(result, id)| camera(result, id, output)).collect();
     let site = solved(Site { cameras, ..Site::new() }, &results);
+    let placing = if args.no_places || results.len() < 2 {
+        None
+    } else {
+        Some(Placing::new(&site, args.threads, |index| site_file::read_image(&results[index].path))?)
+    };
+    let site = placing.iter().fold(site, |site, placing| solved(placing.write_into(site), &results));
     if let Some(output) = &args.output {
         files::write(output, site.to_json().as_bytes(), args.force)?;
         warn_about_outside_images(&site, output);
@@ -105,7 +115,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if let Some(folder) = &args.render {
         draw(&site, &results, folder, args.force)?;
     }
-    report(args, &site, &results)?;
+    report(args, &site, &results, placing.as_ref())?;
     check_all_accepted(&site, &results)
 }
 
@@ -200,13 +210,19 @@ fn draw(site: &Site, results: &[ImageCalibration], folder: &Path, force: bool) -
 }
 
 /// Prints the report; to stderr if the site goes to stdout.
-fn report(args: &Args, site: &Site, results: &[ImageCalibration]) -> Result<(), CommandError> {
+fn report(
+    args: &Args,
+    site: &Site,
+    results: &[ImageCalibration],
+    placing: Option<&Placing>,
+) -> Result<(), CommandError> {
+    let text = || text(site, results) + &placing.map_or_else(String::new, |placing| placing.text(site));
     let to_stdout = args.output.as_deref() == Some("-");
     match args.format {
-        Format::Text if to_stdout => print_message(text(site, results)),
-        Format::Text => files::print(&escape_control_characters(&text(site, results)))?,
+        Format::Text if to_stdout => print_message(text()),
+        Format::Text => files::print(&escape_control_characters(&text()))?,
         Format::Json if to_stdout => {}
-        Format::Json => files::print(&json(site, results)?)?,
+        Format::Json => files::print(&json(site, results, placing)?)?,
     }
     Ok(())
 }
@@ -246,7 +262,11 @@ fn text(site: &Site, results: &[ImageCalibration]) -> String {
     out
 }
 
-fn json(site: &Site, results: &[ImageCalibration]) -> Result<String, CommandError> {
+fn json(
+    site: &Site,
+    results: &[ImageCalibration],
+    placing: Option<&Placing>,
+) -> Result<String, CommandError> {
     let group = |(index, group): (usize, &Group)| {
         serde_json::json!({
             "annotation": index,
@@ -278,8 +298,16 @@ fn json(site: &Site, results: &[ImageCalibration]) -> Result<String, CommandErro
             })),
         })
     };
-    let cameras: Vec<_> = site.cameras.iter().zip(results).map(of).collect();
-    let mut text = serde_json::to_string_pretty(&serde_json::json!({ "cameras": cameras }))?;
+    let mut cameras: Vec<_> = site.cameras.iter().zip(results).map(of).collect();
+    let mut report = serde_json::json!({});
+    if let Some(placing) = placing {
+        for (index, camera) in cameras.iter_mut().enumerate() {
+            camera["place"] = placing.camera_json(index);
+        }
+        report["site"] = placing.json(site);
+    }
+    report["cameras"] = cameras.into();
+    let mut text = serde_json::to_string_pretty(&report)?;
     text.push('\n');
     Ok(text)
 }

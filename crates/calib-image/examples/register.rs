@@ -20,7 +20,9 @@ type Failure = Box<dyn std::error::Error>;
 
 fn main() -> Result<(), Failure> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [path, seeds @ ..] = arguments.as_slice() else { return Err("usage: register SITE [SEED ...]".into()) };
+    let [path, seeds @ ..] = arguments.as_slice() else {
+        return Err("usage: register SITE [SEED ...]".into());
+    };
     let (names, cameras, images) = load(Path::new(path))?;
     if seeds.is_empty() {
         measure(&names, &cameras, &cameras, &images);
