@@ -4,7 +4,7 @@ use crate::registration::pair_search::{DECISION_TOLERANCE, PairDecision, PairReg
 use crate::registration::relative_pose::{RelativePose, wrapped};
 
 /// Pose of a camera on the floor of its group.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct FloorPose {
     /// Position, in metres.
     pub(crate) at: [f64; 2],

@@ -44,3 +44,6 @@ pub use local_view::View;
 pub use pair_search::{PairDecision, PairRegistration, register_pair};
 pub use site_colours::SiteColours;
 pub use site_registration::{PairAgreement, SiteRegistration, join, register};
+
+#[cfg(test)]
+mod tests;

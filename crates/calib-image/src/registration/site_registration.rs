@@ -9,8 +9,8 @@ use crate::registration::pair_search::{DECISION_TOLERANCE, PairDecision, PairReg
 use crate::registration::relative_pose::wrapped;
 use crate::registration::site_colours::{Level, SiteColours};
 
-/// Number of spanning trees from which the joint search starts.
-const START_COUNT: usize = 6;
+/// Largest number of spanning trees from which the joint search starts.
+const TREE_COUNT: usize = 6;
 
 /// Agreement of the estimate of one pair with the joint estimate. Groups with more pairs than connections have
 /// loops, and their agreement checks the registration.
@@ -101,7 +101,7 @@ fn rank(pair: &PairRegistration) -> f64 {
 }
 
 /// Estimates the poses of the group of the camera `first`. The joint maximum is narrow, so the search starts
-/// from several spanning trees, and the best result is refined.
+/// from several spanning trees, with and without a search at the medium level first. The best result is refined.
 fn join_group(
     site: &SiteColours,
     pairs: &[PairRegistration],
@@ -109,29 +109,48 @@ fn join_group(
     first: usize,
     progress: &mut dyn FnMut(f64) -> bool,
 ) -> Option<Poses> {
-    /// Standard deviation of the log of the random factor of a rank.
-    const RANK_SIGMA: f64 = 0.6;
-    let tree = spanning_tree(pairs, heights, first, &mut rank);
-    let used: Vec<&PairRegistration> = pairs.iter().filter(|pair| is_usable(pair, &tree, heights)).collect();
-    let mut chance = XorShift(0x9e37_79b9_7f4a_7c15);
-    let mut search = JointSearch::new(site, tree.clone(), &used, Level::Fine);
+    let trees = distinct_trees(pairs, heights, first);
+    let tree = trees.first()?;
+    let used: Vec<&PairRegistration> = pairs.iter().filter(|pair| is_usable(pair, tree, heights)).collect();
+    let search = |level: Level| JointSearch::new(site, tree.clone(), &used, level);
+    let (mut medium, mut fine) = (search(Level::Medium), search(Level::Fine));
     let mut best: Option<(f64, Poses)> = None;
-    for start in 0..START_COUNT {
-        if start > 0 {
-            let mut random_rank = |pair: &PairRegistration| rank(pair) * (RANK_SIGMA * chance.normal()).exp();
-            search.restart(spanning_tree(pairs, heights, first, &mut random_rank));
+    let starts = trees.iter().flat_map(|tree| [(tree, false), (tree, true)]);
+    for (index, (tree, is_smoothed)) in starts.enumerate() {
+        fine.restart(tree.clone());
+        if is_smoothed {
+            medium.restart(tree.clone());
+            medium.climb(3, [0.3, 0.08]);
+            fine.restart(medium.poses.clone());
         }
-        search.climb(3, [0.15, 0.04]);
-        let score = search.score();
+        fine.climb(3, [0.15, 0.04]);
+        let score = fine.score();
         if best.as_ref().is_none_or(|(most, _)| score > *most) {
-            best = Some((score, search.poses.clone()));
+            best = Some((score, fine.poses.clone()));
         }
-        progress(0.8 * (start + 1) as f64 / START_COUNT as f64).then_some(())?;
+        progress(0.9 * (index + 1) as f64 / (2 * trees.len()) as f64).then_some(())?;
     }
-    let (_, poses) = best?;
-    let mut search = JointSearch::new(site, poses, &used, Level::Fine);
-    search.climb(3, [0.05, 0.015]);
-    Some(search.poses)
+    fine.restart(best?.1);
+    fine.climb(4, [0.1, 0.03]);
+    Some(fine.poses)
+}
+
+/// Returns the spanning tree of the best pairs, and others with random ranks of the pairs.
+fn distinct_trees(pairs: &[PairRegistration], heights: &[f64], first: usize) -> Vec<Poses> {
+    /// Number of random trees, of which equal ones are removed.
+    const DRAW_COUNT: usize = 24;
+    /// Standard deviation of the log of the random factor of a rank.
+    const RANK_SIGMA: f64 = 1.0;
+    let mut chance = XorShift(0x9e37_79b9_7f4a_7c15);
+    let mut trees = vec![spanning_tree(pairs, heights, first, &mut rank)];
+    for _ in 0..DRAW_COUNT {
+        let mut random_rank = |pair: &PairRegistration| rank(pair) * (RANK_SIGMA * chance.normal()).exp();
+        let tree = spanning_tree(pairs, heights, first, &mut random_rank);
+        if trees.len() < TREE_COUNT && !trees.contains(&tree) {
+            trees.push(tree);
+        }
+    }
+    trees
 }
 
 impl SiteRegistration {

@@ -1,0 +1,195 @@
+//! Tests of the registration with rendered scenes: coloured boxes on a grey floor.
+
+use calib_core::{Camera, Covariance, Lens, Pixel, WorldPoint};
+use image::{Rgb, RgbImage};
+
+use crate::registration::site_registration::join;
+use crate::{PairDecision, PairRegistration, SiteColours, View, register, register_pair};
+
+const SIZE: [u32; 2] = [480, 270];
+
+/// Box on the floor, from two corners x and y, with its height, in metres, and its colour.
+struct Block {
+    low: [f64; 2],
+    high: [f64; 2],
+    height: f64,
+    colour: [u8; 3],
+}
+
+/// Returns boxes at pseudo-random positions in a room of 14 by 14 metres.
+fn scene(seed: u64) -> Vec<Block> {
+    let mut state = seed;
+    let mut uniform = || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    let block = |_| {
+        let [x, y, w, h, height] = [(); 5].map(|()| uniform());
+        let low = [14.0 * x - 7.0, 14.0 * y - 7.0];
+        let high = [low[0] + 0.3 + 0.9 * w, low[1] + 0.3 + 0.9 * h];
+        let colour = [(); 3].map(|()| (250.0 * uniform()) as u8);
+        Block { low, high, height: 0.1 + 1.2 * height, colour }
+    };
+    (0..45).map(block).collect()
+}
+
+fn camera(position: [f64; 3], yaw: f64) -> Camera {
+    let lens = Lens::pinhole(Pixel::new(240.0, 135.0));
+    let [x, y, z] = position;
+    let position = WorldPoint { x, y, z };
+    Camera { position, yaw, pitch: 0.5, roll: 0.02, focal: 300.0, lens, covariance: Covariance::EXACT }
+}
+
+/// Returns two cameras at the sides of a room, which both look at its centre.
+fn cameras() -> [Camera; 2] {
+    [camera([0.5, -8.0, 4.0], 0.1), camera([-8.0, 1.0, 3.6], -1.5)]
+}
+
+/// Renders a scene by ray casting.
+fn render(camera: &Camera, blocks: &[Block]) -> RgbImage {
+    RgbImage::from_fn(SIZE[0], SIZE[1], |x, y| {
+        let ray = camera.pixel_to_ray(Pixel::new(f64::from(x) + 0.5, f64::from(y) + 0.5)).unwrap();
+        let from = <[f64; 3]>::from(ray.origin);
+        let hit = |block: &Block| {
+            let (mut near, mut far, mut side) = (0.0, f64::INFINITY, 0);
+            let (low, high) =
+                ([block.low[0], block.low[1], 0.0], [block.high[0], block.high[1], block.height]);
+            for axis in 0..3 {
+                let at = [low[axis], high[axis]].map(|c| (c - from[axis]) / ray.direction[axis]);
+                if at[0].min(at[1]) > near {
+                    (near, side) = (at[0].min(at[1]), axis);
+                }
+                far = f64::min(far, at[0].max(at[1]));
+            }
+            let shade = [0.8, 0.9, 1.0][side];
+            (near < far).then(|| (near, block.colour.map(|level| (f64::from(level) * shade) as u8)))
+        };
+        let nearest = blocks.iter().filter_map(hit).min_by(|a, b| a.0.total_cmp(&b.0));
+        let background = if ray.direction[2] < -0.02 { [150, 150, 145] } else { [200, 205, 210] };
+        Rgb(nearest.map_or(background, |(_, colour)| colour))
+    })
+}
+
+fn views<'a>(cameras: &'a [Camera], images: &'a [RgbImage]) -> Vec<View<'a>> {
+    let view = |(camera, image)| View { camera, image, is_height_known: false };
+    cameras.iter().zip(images).map(view).collect()
+}
+
+fn pair(cameras: &[Camera], images: &[RgbImage]) -> (SiteColours, PairRegistration) {
+    let site = SiteColours::new(&views(cameras, images));
+    let pair = register_pair(&site, [0, 1]);
+    (site, pair)
+}
+
+/// Returns the given cameras with other positions, yaws and wrong heights.
+fn unplaced(cameras: &[Camera; 2]) -> [Camera; 2] {
+    let [first, second] = *cameras;
+    let moved = |camera: Camera, factor: f64| Camera {
+        position: WorldPoint::new(50.0, 60.0, camera.position.z * factor),
+        yaw: 1.2,
+        ..camera
+    };
+    [moved(first, 1.04), moved(second, 0.97)]
+}
+
+#[test]
+fn two_views_of_a_scene_are_registered() {
+    let truth = cameras();
+    let blocks = scene(7);
+    let images = truth.map(|camera| render(&camera, &blocks));
+    let given = unplaced(&truth);
+    let (site, pair) = pair(&given, &images);
+    assert_eq!(pair.decision, PairDecision::Found, "{pair:?}");
+    let turn = pair.yaw - (truth[0].yaw - truth[1].yaw);
+    assert!(turn.abs() < 0.04, "{turn}");
+
+    let result = join(&site, &[pair], &mut |_| true).unwrap();
+    assert_eq!(result.groups, [vec![0, 1]]);
+    let [first, second] = [0, 1].map(|index| result.cameras[index].unwrap());
+    assert_eq!((first.position.x, first.position.y, first.yaw), (0.0, 0.0, given[0].yaw));
+    // The second camera in the frame of the first, where the first has its true pose.
+    let turn = truth[0].yaw - given[0].yaw;
+    let (sin, cos) = turn.sin_cos();
+    let at = [
+        cos * second.position.x - sin * second.position.y,
+        sin * second.position.x + cos * second.position.y,
+    ];
+    let expected = [truth[1].position.x - truth[0].position.x, truth[1].position.y - truth[0].position.y];
+    let error = (at[0] - expected[0]).hypot(at[1] - expected[1]);
+    assert!(error < 0.05 * expected[0].hypot(expected[1]), "{at:?} {expected:?}");
+    assert!((second.yaw + turn - truth[1].yaw).abs() < 0.04);
+    let ratio = |cameras: [&Camera; 2]| cameras[0].position.z / cameras[1].position.z;
+    assert!((ratio([&first, &second]) / ratio([&truth[0], &truth[1]]) - 1.0).abs() < 0.05);
+    assert!(result.agreement.len() == 1 && result.agreement[0].agrees);
+}
+
+#[test]
+fn two_scenes_are_not_registered() {
+    let truth = cameras();
+    let images = [render(&truth[0], &scene(7)), render(&truth[1], &scene(99))];
+    let (site, pair) = pair(&unplaced(&truth), &images);
+    assert_ne!(pair.decision, PairDecision::Found, "{pair:?}");
+    let result = join(&site, &[pair], &mut |_| true).unwrap();
+    assert!(result.groups.is_empty() && result.cameras == [None, None]);
+}
+
+#[test]
+fn the_same_images_have_the_same_result() {
+    let truth = cameras();
+    let images = truth.map(|camera| render(&camera, &scene(7)));
+    let run = || {
+        let (site, pair) = pair(&truth, &images);
+        let cameras = join(&site, &[pair.clone()], &mut |_| true).unwrap().cameras;
+        (pair.score, pair.ratio, pair.baseline, cameras)
+    };
+    assert_eq!(run(), run());
+}
+
+#[test]
+fn unusable_images_and_cameras_are_not_shown() {
+    let truth = cameras();
+    let picture = render(&truth[0], &scene(7));
+    let black = RgbImage::new(SIZE[0], SIZE[1]);
+    let grey = RgbImage::from_pixel(SIZE[0], SIZE[1], Rgb([90; 3]));
+    let below = Camera { position: WorldPoint::new(0.0, 0.0, -3.0), ..truth[0] };
+    let broken = Camera { focal: f64::NAN, pitch: f64::INFINITY, ..truth[0] };
+    let upward = Camera { pitch: -1.2, ..truth[0] };
+    let cameras = [truth[0], truth[1], truth[1], truth[0], truth[1], below, broken, upward];
+    let images = [
+        picture.clone(),
+        RgbImage::new(0, 0),
+        RgbImage::from_pixel(3, 2000, Rgb([200, 20, 20])),
+        black.clone(),
+        grey,
+        picture.clone(),
+        picture.clone(),
+        picture,
+    ];
+    let site = SiteColours::new(&views(&cameras, &images));
+    let wide = (0..cameras.len()).map(|index| register_pair(&site, [0, index]));
+    let pairs: Vec<PairRegistration> = wide.collect();
+    for pair in &pairs {
+        assert_eq!(pair.decision, PairDecision::NotShown, "{pair:?}");
+    }
+    assert_eq!(register_pair(&site, [3, 99]).decision, PairDecision::NotShown);
+    assert!(join(&site, &pairs, &mut |_| true).unwrap().groups.is_empty());
+    let black = [black.clone(), black];
+    let result = register(&views(&truth, &black), &mut |_| true).unwrap();
+    assert!(result.groups.is_empty() && result.pairs[0].decision == PairDecision::NotShown);
+    assert!(register(&[], &mut |_| true).unwrap().pairs.is_empty());
+}
+
+#[test]
+fn registration_can_be_cancelled() {
+    let truth = cameras();
+    let images = truth.map(|camera| render(&camera, &scene(7)));
+    let mut last = -1.0;
+    let mut progress = |done: f64| {
+        assert!(done >= last);
+        last = done;
+        done < 0.5
+    };
+    assert!(register(&views(&truth, &images), &mut progress).is_none());
+}
