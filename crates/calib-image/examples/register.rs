@@ -4,8 +4,8 @@
 //! cargo run --release -p calib-image --example register -- calib-demo/solved.json [SEED ...]
 //! ```
 //!
-//! With a seed, the calibrations have errors: focal lengths of 3 %, pitches and rolls of 0.5 degrees, heights of
-//! 10 %, with random signs.
+//! With a seed, the calibrations have errors: focal lengths of 3 %, pitches and rolls of 0.5 degrees, heights
+//! of 10 %, with random signs.
 
 use std::path::Path;
 use std::time::Instant;
@@ -17,6 +17,9 @@ use image::RgbImage;
 use rand::{Rng, SeedableRng};
 
 type Failure = Box<dyn std::error::Error>;
+
+/// Names, cameras and images of a site.
+type Loaded = (Vec<String>, Vec<Camera>, Vec<RgbImage>);
 
 fn main() -> Result<(), Failure> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -37,7 +40,7 @@ fn main() -> Result<(), Failure> {
 }
 
 /// Loads the calibrated cameras of a site, and their images.
-fn load(path: &Path) -> Result<(Vec<String>, Vec<Camera>, Vec<RgbImage>), Failure> {
+fn load(path: &Path) -> Result<Loaded, Failure> {
     let site = Site::from_json(&std::fs::read_to_string(path)?)?;
     let (mut names, mut cameras, mut images) = (Vec::new(), Vec::new(), Vec::new());
     for entry in &site.cameras {
@@ -78,15 +81,16 @@ fn measure(names: &[String], truth: &[Camera], cameras: &[Camera], images: &[Rgb
         let start = Instant::now();
         let pair = register_pair(&site, views);
         let [a, b] = views;
+        let [turn, shift] =
+            pair_errors([&truth[a], &truth[b]], cameras[b].position.z, pair.yaw, pair.baseline);
         println!(
-            "{:10} {:10} score {:5.0} ratio {:.2} {:9} yaw error {:7.2} baseline error {:6.2} m of {:5.2} m  {:.2} s",
+            "{:10} {:10} score {:5.0} ratio {:.2} {:9} \
+             error {turn:6.1} deg, {shift:5.2} m of {:5.2} m, {:.2} s",
             names[a],
             names[b],
             pair.score,
             pair.ratio,
             format!("{:?}", pair.decision),
-            pair_errors([&truth[a], &truth[b]], cameras[b].position.z, pair.yaw, pair.baseline)[0],
-            pair_errors([&truth[a], &truth[b]], cameras[b].position.z, pair.yaw, pair.baseline)[1],
             pair.baseline[0].hypot(pair.baseline[1]),
             start.elapsed().as_secs_f64()
         );
@@ -108,8 +112,8 @@ fn measure(names: &[String], truth: &[Camera], cameras: &[Camera], images: &[Rgb
     print_errors(names, truth, &site);
 }
 
-/// Returns the errors of a pair: yaw in degrees, baseline in metres. `height` is the given height of the second
-/// camera, in metres.
+/// Returns the errors of a pair: yaw in degrees, baseline in metres. `height` is the given height of the
+/// second camera, in metres.
 fn pair_errors([a, b]: [&Camera; 2], height: f64, yaw: f64, baseline: [f64; 2]) -> [f64; 2] {
     let (sin, cos) = b.yaw.sin_cos();
     let scale = height / b.position.z;

@@ -1,5 +1,5 @@
 //! Image analysis for camera calibration: edges, automatic calibration, the image circle of fisheye lenses,
-//! and comparison of two images of a camera.
+//! comparison of two images of a camera, and registration of the cameras of a site.
 //!
 //! Rule: no files, threads, clocks or windows; callers pass pixels. Pixel coordinates are raw (distorted),
 //! with the origin at the top left corner of the image, as in `calib-core`. The modules, in data-flow order:

@@ -7,7 +7,8 @@ use crate::registration::local_view::LocalView;
 pub(crate) const CELLS: usize = 64;
 /// Side of a cell, in heights of the camera.
 pub(crate) const CELL: f64 = 0.25;
-/// Largest horizontal distance of a point on a ray from its camera, in heights of the camera that observes it.
+/// Largest horizontal distance of a point on a ray from its camera, in heights of the camera that observes
+/// it.
 pub(crate) const MAX_RAY: f64 = 5.5;
 /// Number of levels above the floor.
 pub(crate) const LEVELS: usize = 7;
@@ -19,6 +20,9 @@ pub(crate) const PADDING: usize = (MAX_RAY / CELL) as usize + 1;
 pub(crate) const STRIDE: usize = CELLS + 2 * PADDING;
 /// Value of the share 1. The sum of five shares fits in 16 bits.
 pub(crate) const UNIT: f32 = 8192.0;
+/// Share added to both shares of a likelihood ratio, in units of 1 / [`UNIT`]: a class may be absent from one
+/// image by chance.
+pub(crate) const ADDED_SHARE: f32 = 0.002 * UNIT;
 
 /// Largest horizontal distance of a visible cell from the camera, in heights.
 const MAX_DISTANCE: f64 = 6.75;
@@ -30,7 +34,8 @@ const MIN_VISIBLE_POINTS: u32 = 3;
 /// Smallest sum of the shares of a visible pixel; less means that its neighbourhood is hidden.
 pub(crate) const MIN_VISIBLE_SHARE: f32 = 0.5;
 
-/// Class shares in the cells around a camera. Hidden cells contain the background shares, which are no evidence.
+/// Class shares in the cells around a camera. Hidden cells contain the background shares, which are no
+/// evidence.
 #[derive(Clone, Debug)]
 pub(crate) struct ClassVolume {
     /// Shares in units of 1 / [`UNIT`], by class, level, row y and column x, with padding.

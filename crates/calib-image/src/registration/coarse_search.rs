@@ -4,10 +4,9 @@
 //! for all positions is therefore a sum of shifted planes of the class volume.
 
 use crate::registration::class_volume::{
-    CELL, CELLS, ClassVolume, LEVEL, LEVELS, MAX_RAY, PADDING, STRIDE, UNIT, cell_centre,
+    ADDED_SHARE, CELL, CELLS, ClassVolume, LEVEL, LEVELS, MAX_RAY, PADDING, STRIDE, UNIT, cell_centre,
 };
 use crate::registration::colour_items::Item;
-use crate::registration::direction_map::MIN_SHARE;
 use crate::registration::pair_score::{
     MIN_RAY, OUTLIER_SHARE, max_surface_height, ratio_sigma, select_items,
 };
@@ -96,16 +95,16 @@ fn grid(items: &[Item], volume: &ClassVolume, yaw: f64, height: f64, max_height:
     scores
 }
 
-/// Adds the score of one item at all positions. `points` contains the plane of each point of its ray, from the
-/// first position on.
+/// Adds the score of one item at all positions. `points` contains the plane of each point of its ray, from
+/// the first position on.
 ///
 /// The log is approximated by the exponent and the mantissa of a floating-point number. It is exact at powers
 /// of 2, therefore also for no evidence.
 fn add_item(scores: &mut [f32], points: [&[u16]; POINTS], background: f32, weight: f32) {
     /// Size of one octave in the bits of a floating-point number.
     const OCTAVE: f32 = 8_388_608.0;
-    let factor = (1.0 - OUTLIER_SHARE) / (background + MIN_SHARE);
-    let constant = OUTLIER_SHARE + factor * MIN_SHARE;
+    let factor = (1.0 - OUTLIER_SHARE) / (background + ADDED_SHARE);
+    let constant = OUTLIER_SHARE + factor * ADDED_SHARE;
     let (factor, scale) = (factor / POINTS as f32, weight / OCTAVE);
     for (row, scores) in scores.chunks_exact_mut(CELLS).enumerate() {
         let mut sums = [0_u16; CELLS];

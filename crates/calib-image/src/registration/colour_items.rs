@@ -107,8 +107,8 @@ fn block_ray(image: &LabImage, view: &LocalView, step: usize, [x, y]: [usize; 2]
     is_near.then(|| ([dx / level, dy / level].map(|c| c as f32), slope as f32))
 }
 
-/// Returns a weight for each block and class: the power [`BLOB_EXPONENT`] of the mass of its blob. A blob is a
-/// set of blocks of one class that are connected, also diagonally.
+/// Returns a weight for each block and class: the power [`BLOB_EXPONENT`] of the mass of its blob. A blob is
+/// a set of blocks of one class that are connected, also diagonally.
 fn blob_factors(blocks: &ClassShares) -> Vec<f32> {
     let ([w, h], classes) = (blocks.size, blocks.classes);
     let mut factors = vec![0.0; w * h * classes];

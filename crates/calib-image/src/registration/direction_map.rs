@@ -6,7 +6,7 @@
 
 use calib_core::Pixel;
 
-use crate::registration::class_volume::{MIN_VISIBLE_SHARE, UNIT, to_unit};
+use crate::registration::class_volume::{MIN_VISIBLE_SHARE, to_unit};
 use crate::registration::colour_classes::ClassShares;
 use crate::registration::local_view::LocalView;
 
@@ -14,7 +14,7 @@ use crate::registration::local_view::LocalView;
 const NODES_PER_PIXEL: f64 = 1.2;
 /// Largest number of nodes along one axis.
 const MAX_NODES: f64 = 2048.0;
-/// Number of image positions along each axis from which the extent of the grid is computed.
+/// Number of image positions along each axis that determine the extent of the grid.
 const EXTENT_STEPS: usize = 96;
 /// Largest stereographic radius: 120 degrees from the optical axis.
 const MAX_RADIUS: f64 = 1.73;
@@ -28,9 +28,9 @@ pub(crate) struct DirectionMap {
     start: [f32; 2],
     /// Nodes per stereographic unit.
     density: f32,
-    /// Shares in units of 1 / [`UNIT`], by class, row and column.
+    /// Shares in units of 1 / `UNIT`, by class, row and column.
     shares: Vec<u16>,
-    /// Background shares of the classes, in units of 1 / [`UNIT`].
+    /// Background shares of the classes, in units of 1 / `UNIT`.
     background: Vec<u16>,
 }
 
@@ -68,12 +68,12 @@ impl DirectionMap {
         Self { size, start, density: density as f32, shares: result, background: background.to_vec() }
     }
 
-    /// Returns the background share of a class, in units of 1 / [`UNIT`].
+    /// Returns the background share of a class, in units of 1 / `UNIT`.
     pub(crate) fn background(&self, class: usize) -> f32 {
         f32::from(self.background[class])
     }
 
-    /// Returns the mean share of a class at `N` points of a ray, in units of 1 / [`UNIT`]. The first point is
+    /// Returns the mean share of a class at `N` points of a ray, in units of 1 / `UNIT`. The first point is
     /// `from`, and `step` leads from each point to the next, in camera axes.
     #[inline]
     pub(crate) fn mean_on_ray<const N: usize>(&self, class: usize, from: [f32; 3], step: [f32; 3]) -> f32 {
@@ -102,6 +102,7 @@ impl DirectionMap {
         if !is_in {
             return None;
         }
+        // Conversions by way of i32 are single instructions on all processors.
         let (column, row) = (x as i32 as usize, y as i32 as usize);
         let (p, q) = (x - column as i32 as f32, y - row as i32 as f32);
         let start = row * self.size[0] + column;
@@ -146,6 +147,3 @@ fn interpolate(node: &mut [f32], shares: &ClassShares, at: [f64; 2]) -> bool {
     node.iter_mut().for_each(|share| *share /= sum);
     sum >= MIN_VISIBLE_SHARE
 }
-
-/// Smallest share of a class, in units of 1 / [`UNIT`]: a class may be rare in one image by chance.
-pub(crate) const MIN_SHARE: f32 = 0.002 * UNIT;

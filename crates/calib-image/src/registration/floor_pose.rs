@@ -50,8 +50,8 @@ impl FloorPose {
 }
 
 /// Places the cameras of one group by the best pairs that connect them. `heights` contains the given heights,
-/// in metres. `rank` returns the rank of a pair; the pairs with the highest ranks are used. The group is that of
-/// the camera `first`.
+/// in metres. `rank` returns the rank of a pair; the pairs with the highest ranks are used. The group is that
+/// of the camera `first`.
 pub(crate) fn spanning_tree(
     pairs: &[PairRegistration],
     heights: &[f64],
@@ -85,8 +85,8 @@ fn next_pose(poses: &Poses, pair: &PairRegistration, heights: &[f64]) -> Option<
     }
 }
 
-/// Whether the joint estimate uses a pair: both cameras are in the group, and the pair is found, or one of its
-/// two best poses agrees with the poses of the group.
+/// Whether the joint estimate uses a pair: both cameras are in the group, and the pair is found, or one of
+/// its two best poses agrees with the poses of the group.
 pub(crate) fn is_usable(pair: &PairRegistration, poses: &Poses, heights: &[f64]) -> bool {
     let [a, b] = pair.views;
     let (Some(first), Some(second)) = (poses[a], poses[b]) else { return false };

@@ -192,8 +192,8 @@ impl<'a> JointSearch<'a> {
         false
     }
 
-    /// Scales the group as a whole, so that the prior of the heights is largest. Colours do not determine this
-    /// scale.
+    /// Scales the group as a whole, so that the prior of the heights is largest. Colours do not determine
+    /// this scale.
     fn centre_heights(&mut self) {
         let (mut sum, mut weights) = (0.0, 0.0);
         for &camera in &self.members {

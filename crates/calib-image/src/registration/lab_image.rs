@@ -48,8 +48,8 @@ impl LabImage {
     }
 }
 
-/// Returns, for each of `count` equal parts of a row or column, the source pixels that it covers, with weights
-/// of sum 1.
+/// Returns, for each of `count` equal parts of a row or column, the source pixels that it covers, with
+/// weights of sum 1.
 fn coverage(length: usize, count: usize) -> Vec<Vec<(usize, f32)>> {
     let step = length as f64 / count as f64;
     let part = |i: usize| {
@@ -81,8 +81,8 @@ fn resize(image: &RgbImage, [width, height]: [usize; 2]) -> Vec<[f32; 3]> {
     result
 }
 
-/// Scales each colour channel so that the brightest surfaces are equally white in all images. Cameras differ in
-/// their exposure and white balance.
+/// Scales each colour channel so that the brightest surfaces are equally white in all images. Cameras differ
+/// in their exposure and white balance.
 fn normalise_white(rgb: &mut [[f32; 3]], is_visible: &[bool]) {
     /// Quantile of a channel that counts as white.
     const QUANTILE: f64 = 0.85;

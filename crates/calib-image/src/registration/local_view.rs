@@ -41,8 +41,8 @@ pub(crate) struct LocalView {
 }
 
 impl LocalView {
-    /// Creates the local view. `margin` is the width of the blurred rim of a fisheye image, in pixels. Returns
-    /// `None` if the camera has no positive height, or the image is too small or too narrow.
+    /// Creates the local view. `margin` is the width of the blurred rim of a fisheye image, in pixels.
+    /// Returns `None` if the camera has no positive height, or the image is too small or too narrow.
     pub(crate) fn new(view: &View, margin: f64) -> Option<Self> {
         let (w, h) = view.image.dimensions();
         let size = [f64::from(w), f64::from(h)];

@@ -7,12 +7,15 @@
 //! *Photorealistic scene reconstruction by voxel coloring*, 1999; Kutulakos and Seitz, *A theory of shape by
 //! space carving*, 2000), with the poses as unknowns.
 //!
-//! The colours of a site are divided into classes. A ray of one image with a class supports a pose if the other
-//! image shows this class at the projection of a point of the ray; `pair_score` contains the formula. Rays of
-//! rare classes and of small blobs have more weight. All lengths are in heights of the camera, because the scale
-//! of the floor is known only from the heights. The pose of a pair has four parameters: yaw, position and the
-//! ratio of the heights. A baseline of the correct direction and a wrong length has a high score, too; these
-//! poses form a ridge. A pair is found if its best score is much larger than the best score outside the ridge.
+//! The colours of a site are divided into classes. A ray of one image shows a surface of one class. It
+//! supports a pose if the other image shows the class at the projection of a point of the ray. The formula is
+//! in `pair_score`. Rays of rare classes and of small blobs have more weight.
+//!
+//! All lengths are in heights of the camera, because only the heights determine the scale of the floor. The
+//! pose of a pair has four parameters: yaw, position, and the ratio of the heights. Colours determine the
+//! length of the baseline least: poses with the same yaw and baseline direction form a ridge of the score. A
+//! pair is found if its best score is much larger than the best score outside this ridge. The joint search
+//! maximises the sum of the scores of all pairs of a group.
 //!
 //! The files in data-flow order:
 //!

@@ -1,21 +1,22 @@
 //! Score of a relative pose: the volumetric colour consistency of two images.
 //!
 //! An item of image A is a ray with a colour class k. The surface that it shows is on the ray, between the
-//! floor and a height limit. If the pose is correct, image B shows the class at the projection of one point of
-//! the ray, unless the surface is hidden. Let `f(v)` be the share of the class in B at the projection of a
-//! point `v`, and `b` its background share in B. With an unknown point, the likelihood ratio of the item is the
-//! mean over the points, mixed with a share `e` of hidden surfaces:
+//! floor and a height limit. If the pose is correct, image B shows the class at the projection of one point
+//! of the ray, unless the surface is hidden. Let `f(v)` be the share of the class in B at the projection of a
+//! point `v`, and `b` its background share in B. With an unknown point, the likelihood ratio of the item is
+//! the mean over the points, mixed with a share `e` of hidden surfaces:
 //!
 //! ```text
-//! r(v) = (f(v) + d) / (b + d)              1 if B does not show v
+//! r(v) = (f(v) + d) / (b + d)
 //! F = sum over items of w log2(e + (1 - e) mean of r(v))
 //! ```
 //!
-//! The items of B are scored in A with the inverse pose, and both sums are added.
+//! The ratio is 1 if B does not show the point. The items of B are scored in A with the inverse pose, and
+//! both sums are added.
 
-use crate::registration::class_volume::MAX_RAY;
+use crate::registration::class_volume::{ADDED_SHARE, MAX_RAY};
 use crate::registration::colour_items::{Item, normalise_weights};
-use crate::registration::direction_map::{DirectionMap, MIN_SHARE};
+use crate::registration::direction_map::DirectionMap;
 use crate::registration::relative_pose::RelativePose;
 use crate::registration::site_colours::{CameraColours, Level};
 
@@ -46,8 +47,8 @@ pub(crate) struct PairScore<'a> {
     sides: [Side<'a>; 2],
 }
 
-/// Returns the largest height of a surface, in heights of the second camera, for a ratio of the heights of the
-/// first and the second camera.
+/// Returns the largest height of a surface, in heights of the second camera. `ratio` is the ratio of the
+/// heights of the first and the second camera.
 pub(crate) fn max_surface_height(ratio: f64) -> f64 {
     MAX_SURFACE_HEIGHT * ratio.sqrt()
 }
@@ -84,6 +85,11 @@ impl<'a> PairScore<'a> {
         };
         let sides = [side(first, b, ratio), side(second, a, 1.0 / ratio)];
         Self { ratio, sigma: ratio_sigma(pair), sides }
+    }
+
+    /// Whether neither image has an item.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.sides.iter().all(|side| side.items.is_empty())
     }
 
     /// Returns the score of a pose, without the prior of the height ratio.
@@ -130,8 +136,8 @@ impl<'a> PairScore<'a> {
 }
 
 impl Side<'_> {
-    /// Returns the score of the items in the target camera, for a pose of their camera. `ratio` is the ratio of
-    /// the given heights.
+    /// Returns the score of the items in the target camera, for a pose of their camera. `ratio` is the ratio
+    /// of the given heights.
     fn score(&self, pose: &RelativePose, ratio: f64) -> f64 {
         match self.level {
             Level::Medium => self.score_points::<12>(pose, ratio),
@@ -158,7 +164,7 @@ impl Side<'_> {
             let step = (far - near) / (N - 1) as f32;
             let from = std::array::from_fn(|i| origin[i] + near * along[i]);
             let mean = self.map.mean_on_ray::<N>(item.class, from, along.map(|c| step * c));
-            let ratio = (mean + MIN_SHARE) / (self.map.background(item.class) + MIN_SHARE);
+            let ratio = (mean + ADDED_SHARE) / (self.map.background(item.class) + ADDED_SHARE);
             total += f64::from(item.weight * (OUTLIER_SHARE + (1.0 - OUTLIER_SHARE) * ratio).log2());
         }
         total

@@ -7,7 +7,8 @@ use crate::registration::pair_score::PairScore;
 use crate::registration::relative_pose::RelativePose;
 use crate::registration::site_colours::{Level, SiteColours};
 
-/// Tolerance of a ridge for the decision, in radians. Poses on the ridge of the best pose are no alternatives.
+/// Tolerance of a ridge for the decision, in radians. Poses on the ridge of the best pose are no
+/// alternatives.
 pub(crate) const DECISION_TOLERANCE: f64 = 12.0 * PI / 180.0;
 /// Number of poses that are refined at full resolution.
 const FINE_COUNT: usize = 8;
@@ -56,6 +57,9 @@ pub struct PairRegistration {
 pub fn register_pair(site: &SiteColours, views: [usize; 2]) -> PairRegistration {
     let Some(pair) = site.pair(views) else { return PairRegistration::new(views, &[], 1.0) };
     let medium = PairScore::new(pair, Level::Medium);
+    if medium.is_empty() {
+        return PairRegistration::new(views, &[], 1.0);
+    }
     let refine = |start: &RelativePose| medium.climb(start, [3.0 * PI / 180.0, 0.06, 0.125]);
     let mut ranked: Vec<(f64, RelativePose)> = coarse_peaks(pair).iter().map(refine).collect();
     sort(&mut ranked);
@@ -99,8 +103,8 @@ impl PairRegistration {
 }
 
 impl PairDecision {
-    /// Decides from the score and the ratio. The thresholds are from 15 pairs with known poses: wrong poses
-    /// have ratios up to 1.3, or scores below 110.
+    /// Decides from the score and the ratio. The thresholds are from pairs with known poses: no pair of
+    /// unrelated views has both a larger ratio and a larger score.
     fn new(score: f64, ratio: f64) -> Self {
         if ratio >= 1.4 && score >= 500.0 {
             Self::Found

@@ -9,11 +9,11 @@ use crate::registration::pair_search::{DECISION_TOLERANCE, PairDecision, PairReg
 use crate::registration::relative_pose::wrapped;
 use crate::registration::site_colours::{Level, SiteColours};
 
-/// Largest number of spanning trees from which the joint search starts.
+/// Largest number of spanning trees that start the joint search.
 const TREE_COUNT: usize = 6;
 
-/// Agreement of the estimate of one pair with the joint estimate. Groups with more pairs than connections have
-/// loops, and their agreement checks the registration.
+/// Agreement of the estimate of one pair with the joint estimate. Groups with more pairs than connections
+/// have loops, and their agreement checks the registration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PairAgreement {
     /// Indices of the first and the second camera.
@@ -42,8 +42,8 @@ pub struct SiteRegistration {
     pub agreement: Vec<PairAgreement>,
 }
 
-/// Registers all cameras of a site. `progress` receives the completed fraction, 0 to 1, and returns `false` to
-/// cancel. Returns `None` if it was cancelled.
+/// Registers all cameras of a site. `progress` receives the completed fraction, 0 to 1, and returns `false`
+/// to cancel. Returns `None` if it was cancelled.
 pub fn register(views: &[View], progress: &mut dyn FnMut(f64) -> bool) -> Option<SiteRegistration> {
     /// Fractions of the work after the preparation and after the pairs.
     const PREPARED: f64 = 0.1;
@@ -61,8 +61,8 @@ pub fn register(views: &[View], progress: &mut dyn FnMut(f64) -> bool) -> Option
     join(&site, &registered, &mut |done| progress(PAIRED + (1.0 - PAIRED) * done))
 }
 
-/// Combines registered pairs to a registration of the site. `progress` receives the completed fraction, 0 to 1,
-/// and returns `false` to cancel. Returns `None` if it was cancelled.
+/// Combines registered pairs to a registration of the site. `progress` receives the completed fraction, 0 to
+/// 1, and returns `false` to cancel. Returns `None` if it was cancelled.
 pub fn join(
     site: &SiteColours,
     pairs: &[PairRegistration],
@@ -101,7 +101,7 @@ fn rank(pair: &PairRegistration) -> f64 {
 }
 
 /// Estimates the poses of the group of the camera `first`. The joint maximum is narrow, so the search starts
-/// from several spanning trees, with and without a search at the medium level first. The best result is refined.
+/// from several spanning trees: directly, and after a search at the medium level. The best result is refined.
 fn join_group(
     site: &SiteColours,
     pairs: &[PairRegistration],
@@ -137,7 +137,7 @@ fn join_group(
 
 /// Returns the spanning tree of the best pairs, and others with random ranks of the pairs.
 fn distinct_trees(pairs: &[PairRegistration], heights: &[f64], first: usize) -> Vec<Poses> {
-    /// Number of random trees, of which equal ones are removed.
+    /// Number of random trees. Equal trees are used once.
     const DRAW_COUNT: usize = 24;
     /// Standard deviation of the log of the random factor of a rank.
     const RANK_SIGMA: f64 = 1.0;

@@ -3,8 +3,7 @@
 use calib_core::{Camera, Covariance, Lens, Pixel, WorldPoint};
 use image::{Rgb, RgbImage};
 
-use crate::registration::site_registration::join;
-use crate::{PairDecision, PairRegistration, SiteColours, View, register, register_pair};
+use crate::{PairDecision, PairRegistration, SiteColours, View, join, register, register_pair};
 
 const SIZE: [u32; 2] = [480, 270];
 
@@ -141,7 +140,7 @@ fn the_same_images_have_the_same_result() {
     let images = truth.map(|camera| render(&camera, &scene(7)));
     let run = || {
         let (site, pair) = pair(&truth, &images);
-        let cameras = join(&site, &[pair.clone()], &mut |_| true).unwrap().cameras;
+        let cameras = join(&site, std::slice::from_ref(&pair), &mut |_| true).unwrap().cameras;
         (pair.score, pair.ratio, pair.baseline, cameras)
     };
     assert_eq!(run(), run());
