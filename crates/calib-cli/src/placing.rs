@@ -1,6 +1,6 @@
 //! Cameras of automatically calibrated images, placed relative to each other by the colours of the images.
 //!
-//! The positions are start values for the joint refinement: they can be wrong by some decimetres, and in a scene
+//! The positions are start values for the joint refinement: they can be wrong by half a metre, and in a scene
 //! that repeats itself by more. Therefore the confidence is never higher than *check*.
 
 use calib_core::Camera;
@@ -14,7 +14,7 @@ use crate::progress::Pulse;
 use crate::stop::CommandError;
 
 /// Largest number of images whose cameras are placed. The work grows with the number of pairs.
-const MAX_IMAGES: usize = 30;
+const MAX_IMAGES: usize = 16;
 
 /// Places of the cameras of a site, and the reasons where they are unknown.
 pub(crate) struct Placing {
@@ -112,7 +112,7 @@ impl Placing {
         };
         let members = self.registration.as_ref().map_or(0, |all| all.groups[group].len());
         format!(
-            "placed by colours together with {}; the position can be wrong by some decimetres",
+            "placed by colours together with {}; the position can be wrong by half a metre",
             counted(members - 1, "other camera", "other cameras")
         )
     }
