@@ -294,8 +294,13 @@ fn text(compared: &[CameraComparison]) -> String {
         for seen in &of.images {
             let _ = writeln!(out, "{:width$}  {}", of.id, row(of, &seen.comparison));
             let time = seen.time.map(|time| format!(" ({time})")).unwrap_or_default();
-            let _ =
-                writeln!(out, "{:width$}    {}{time}: {}", "", seen.path.display(), seen.comparison.change);
+            let part = seen.comparison.window.map(|window| {
+                let [left, top, width, height] = window.px();
+                format!(" ({left:.0}, {top:.0}, {width:.0} x {height:.0} px)")
+            });
+            let (path, change, part) =
+                (seen.path.display(), seen.comparison.change, part.unwrap_or_default());
+            let _ = writeln!(out, "{:width$}    {path}{time}: {change}{part}", "");
         }
     }
     out

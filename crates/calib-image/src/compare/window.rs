@@ -64,12 +64,15 @@ struct Pair {
 pub(crate) fn find_window(old: &Luma, new: &Luma) -> Option<FoundWindow> {
     /// Smallest fraction of agreeing blocks.
     const MIN_SHARE: f64 = 0.6;
+    /// Smallest error of the width of the window, in pixels: resampling shifts edges by this much.
+    const MIN_SIGMA_PX: f64 = 0.1;
     let coarse = coarse_window(&pairs(old, new))?;
     let wide = BrightnessPair::new(old, new, coarse, 3.0).refine(coarse)?.0;
     let (fine, sigma) = BrightnessPair::new(old, new, wide, 1.0).refine(wide)?;
     let pair = BrightnessPair::new(old, new, fine, 1.0);
     let map = pair.whole_pixels(fine);
     let share = pair.agreeing_share(&map)?;
+    let sigma = sigma.max(MIN_SIGMA_PX / new.width.max(1) as f64);
     (share > MIN_SHARE).then_some(FoundWindow { map, sigma, share })
 }
 
