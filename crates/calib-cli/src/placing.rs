@@ -4,7 +4,6 @@
 //! that repeats itself by more. Therefore the confidence is never higher than *check*.
 
 use calib_core::Camera;
-use calib_core::floor::STAGE_1_HEIGHT;
 use calib_image::{PairDecision, SiteColours, SiteRegistration, View, join, register_pair};
 use calib_site::{FixedEntry, PlacementEntry, Site, Stage, counted};
 use image::RgbImage;
@@ -75,7 +74,8 @@ impl Placing {
             site.cameras[index].placement = Some(PlacementEntry {
                 move_m: camera.position.on_floor(),
                 turn_deg: camera.yaw.to_degrees(),
-                scale: Some(camera.position.z / STAGE_1_HEIGHT),
+                // The colours determine only the ratios of the heights.
+                scale: None,
                 fixed: false,
                 held: FixedEntry::default(),
                 estimated: true,
@@ -84,9 +84,14 @@ impl Placing {
         site
     }
 
+    /// Returns the view of a camera by its index in the site; `None` if it is not calibrated.
+    fn view(&self, camera: usize) -> Option<usize> {
+        self.views.iter().position(|&index| index == camera)
+    }
+
     /// Returns the group of a camera by its index in the site; `None` if it is not placed.
     fn group(&self, camera: usize) -> Option<usize> {
-        let view = self.views.iter().position(|&index| index == camera)?;
+        let view = self.view(camera)?;
         self.registration.as_ref()?.groups.iter().position(|group| group.contains(&view))
     }
 
@@ -95,15 +100,13 @@ impl Placing {
         if let Some(refusal) = &self.refusal {
             return refusal.clone();
         }
-        if !self.views.contains(&camera) {
-            return "the image has no accepted calibration".into();
-        }
+        let Some(view) = self.view(camera) else { return "the image has no accepted calibration".into() };
         let Some(group) = self.group(camera) else {
-            let view = self.views.iter().position(|&index| index == camera);
-            let is_ambiguous = self.registration.iter().flat_map(|all| &all.pairs).any(|pair| {
-                pair.decision == PairDecision::Ambiguous
-                    && view.is_some_and(|view| pair.views.contains(&view))
-            });
+            let is_ambiguous = self
+                .registration
+                .iter()
+                .flat_map(|all| &all.pairs)
+                .any(|pair| pair.decision == PairDecision::Ambiguous && pair.views.contains(&view));
             return if is_ambiguous {
                 "several places agree with the colours of another image".into()
             } else {

@@ -52,8 +52,9 @@ const TURNED_ADVICE: &str = "The same lines fit a camera that is mounted the oth
 /// Message for an imported camera whose file contains no standard deviations.
 const NO_STANDARD_DEVIATIONS: &str =
     "The calibration was imported without standard deviations, so its uncertainty is unknown.";
-/// Message for a camera that was placed by hand.
-const PLACED_BY_HAND: &str = "The camera was placed by hand, so the uncertainty of its position is unknown.";
+/// Message for a camera with a placement, but without points and links.
+const PLACED_BY_HAND: &str =
+    "No point or link confirms the placement of the camera, so the uncertainty of its position is unknown.";
 /// Advice for two exchanged control points.
 const EXCHANGE: &str = "Exchange their pixels, or their coordinates.";
 /// Message for a distortion that is not invertible over the image.
