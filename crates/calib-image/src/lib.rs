@@ -4,6 +4,7 @@
 //! Rule: no files, threads, clocks or windows; callers pass pixels. Pixel coordinates are raw (distorted),
 //! with the origin at the top left corner of the image, as in `calib-core`. The modules, in data-flow order:
 //!
+//! - `xor_shift`: pseudo-random numbers;
 //! - `line_segment`, `edges`: straight edges, detected or along an annotated line;
 //! - `pull`: lines snapped to the edge along them;
 //! - `image_circle`: the circle that a fisheye lens fills;
@@ -24,6 +25,7 @@
 //! ```
 
 // A module uses only the modules above it.
+mod xor_shift;
 mod line_segment;
 mod pull;
 pub mod edges;

@@ -19,8 +19,9 @@ use calib_core::camera::{RotatedCamera, RotationZoom};
 use crate::{EdgeOffset, FitParameters, RotationFit, STEP_SIZE, TONE_SIZE};
 
 use crate::compare::feature::Luma;
-use crate::compare::feature::{DESCRIPTOR_ROTATION, Match, features, matches};
+use crate::compare::feature::{DESCRIPTOR_ROTATION, Feature, Match, features, matches};
 use crate::compare::motion::Sight;
+use crate::xor_shift::XorShift;
 
 /// Unit vectors along the axes of the image.
 pub(crate) const AXES: [[f64; 2]; 2] = [[1.0, 0.0], [0.0, 1.0]];
@@ -28,7 +29,7 @@ pub(crate) const AXES: [[f64; 2]; 2] = [[1.0, 0.0], [0.0, 1.0]];
 const MAX_ZOOM_RATIO: f64 = 2.2;
 /// Largest distance of an inlier corner from its predicted position, in pixels of the scale of the corner.
 const MAX_INLIER_DISTANCE_PX: f64 = 3.5;
-/// Number of pairs of matches whose rotations are tested.
+/// Number of pairs of matches whose motions are tested.
 const PAIR_COUNT: usize = 4000;
 /// Columns and rows of the parts of the image, for counting inliers.
 const PARTS: [usize; 2] = [12, 8];
@@ -49,10 +50,9 @@ pub(crate) struct CornerMatch {
     pub(crate) part: usize,
 }
 
-/// Matches the corners of two images, the least ambiguous first.
-pub(crate) fn corners(camera: &Camera, old: &Luma, new: &Luma) -> Vec<CornerMatch> {
-    let found =
-        matches(&features(old, &[0.0]), &features(new, &[-DESCRIPTOR_ROTATION, 0.0, DESCRIPTOR_ROTATION]));
+/// Matches the corners of two images, the least ambiguous first. `upright` are the corners of the old image.
+pub(crate) fn corners(camera: &Camera, old: &Luma, upright: &[Feature], new: &Luma) -> Vec<CornerMatch> {
+    let found = matches(upright, &features(new, &[-DESCRIPTOR_ROTATION, 0.0, DESCRIPTOR_ROTATION]));
     let seen = |found: &Match| -> Option<CornerMatch> {
         let [c, r] = [found.old.u / old.width as f64, found.old.v / old.height as f64];
         let [columns, rows] = PARTS;
@@ -80,20 +80,31 @@ pub(crate) fn coarse_rotation(camera: &Camera, seen: &[CornerMatch]) -> Option<R
 /// Returns the rotation and zoom of the pair of matches with the highest inlier count, and this count.
 /// Returns `None` if no pair determines a rotation.
 fn best_pair(camera: &Camera, seen: &[CornerMatch]) -> Option<(RotationZoom, usize)> {
+    let candidates = |[a, b]: [&CornerMatch; 2]| rotations_from_pair(camera, a, b);
+    best_of_pairs(seen, candidates, |turn| inlier_coverage(&turn.for_camera(camera), seen))
+}
+
+/// Tests the motions that random pairs of matches determine (RANSAC). Returns the motion with the highest inlier
+/// count, and this count; `None` if no pair determines a motion. `matches` are sorted, the least ambiguous first.
+pub(crate) fn best_of_pairs<M, T: Copy, I: IntoIterator<Item = T>>(
+    matches: &[M],
+    candidates: impl Fn([&M; 2]) -> I,
+    inliers: impl Fn(&T) -> usize,
+) -> Option<(T, usize)> {
     /// Number of least ambiguous matches that form the first pairs.
     const FIRST_MATCH_COUNT: usize = 20;
     let mut chance = XorShift(0x9e37_79b9_7f4a_7c15);
-    let mut best: Option<(RotationZoom, usize)> = None;
+    let mut best: Option<(T, usize)> = None;
     for round in 0..PAIR_COUNT {
-        let among = (FIRST_MATCH_COUNT + round * seen.len() / (PAIR_COUNT / 2)).min(seen.len());
+        let among = (FIRST_MATCH_COUNT + round * matches.len() / (PAIR_COUNT / 2)).min(matches.len());
         if among < 2 {
             return None;
         }
-        let (a, b) = (chance.below(among), chance.below(among));
-        for turn in rotations_from_pair(camera, &seen[a], &seen[b]) {
-            let count = inlier_coverage(&turn.for_camera(camera), seen);
+        let pair = [0, 1].map(|_| &matches[chance.below(among)]);
+        for motion in candidates(pair) {
+            let count = inliers(&motion);
             if best.is_none_or(|(_, most)| count > most) {
-                best = Some((turn, count));
+                best = Some((motion, count));
             }
         }
     }
@@ -200,19 +211,6 @@ fn match_offsets(camera: &Camera, turn: &RotationZoom, seen: &CornerMatch) -> [O
         edge: None,
     };
     [0, 1].map(|axis| Some(row(axis)))
-}
-
-/// Pseudo-random generator with the same sequence on every machine (Marsaglia 2003).
-pub(crate) struct XorShift(pub(crate) u64);
-
-impl XorShift {
-    /// Returns a pseudo-random number below `count`.
-    pub(crate) fn below(&mut self, count: usize) -> usize {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 % count as u64) as usize
-    }
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {

@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use crate::compare::alignment::{Alignment, chance_fraction};
 use crate::compare::coarse::{CornerMatch, coarse_rotation, corners};
 use crate::compare::edge_sample::{EdgeSample, edge_samples};
-use crate::compare::feature::{Luma, SMOOTHING_PX};
+use crate::compare::feature::{Feature, Luma, SMOOTHING_PX, features};
 use crate::compare::step_test::StepAlignment;
 use crate::compare::window::{FoundWindow, ShownWindow, disagreement, find_window};
 use crate::edges::{Edge, detect};
@@ -187,13 +187,15 @@ impl Comparison {
         let [before, after] = [old, new].map(Luma::new);
         if size(old) != size(new) {
             let mismatch = SizeMismatchError { old: size(old), new: size(new) };
-            let found = find_window(&before, &after).ok_or(mismatch)?;
+            let upright = features(&before, &[0.0]);
+            let found = find_window(&before, &upright, &after).ok_or(mismatch)?;
             return Ok(Self::windowed(&found, size(new), Vec::new()));
         }
         let [fine, later] = [&before, &after].map(|luma| luma.smoothed(SMOOTHING_PX));
         let edges: Vec<Edge> = drawn.iter().copied().chain(detect(old)).collect();
         let places = edge_samples(camera, &fine, &edges);
-        let pair = ImagePair { camera, before, after, later, places, corners: OnceCell::new() };
+        let (upright, corners) = (OnceCell::new(), OnceCell::new());
+        let pair = ImagePair { camera, before, after, later, places, upright, corners };
         let moved = pair.compare(new);
         Ok(pair.window(&moved, size(new)).unwrap_or(moved))
     }
@@ -309,6 +311,8 @@ struct ImagePair<'a> {
     later: Luma,
     /// Edge samples of the old image.
     places: Vec<EdgeSample>,
+    /// Corners of the old image, computed on first use.
+    upright: OnceCell<Vec<Feature>>,
     /// Corners matched between both images, computed on first use.
     corners: OnceCell<Vec<CornerMatch>>,
 }
@@ -406,7 +410,7 @@ impl ImagePair<'_> {
             moved.change,
             CameraChange::Moved | CameraChange::Shifted | CameraChange::DifferentView | CameraChange::Blind
         );
-        let found = is_open.then(|| find_window(&self.before, &self.after))??;
+        let found = is_open.then(|| find_window(&self.before, self.upright(), &self.after))??;
         if moved.change.is_aligned() {
             let turned = moved.rotation.for_camera(self.camera);
             let images = [&self.before, &self.after];
@@ -436,7 +440,12 @@ impl ImagePair<'_> {
 
     /// Returns the corners matched between both images, computed on first use.
     fn corners(&self) -> &[CornerMatch] {
-        self.corners.get_or_init(|| corners(self.camera, &self.before, &self.after))
+        self.corners.get_or_init(|| corners(self.camera, &self.before, self.upright(), &self.after))
+    }
+
+    /// Returns the corners of the old image, computed on first use.
+    fn upright(&self) -> &[Feature] {
+        self.upright.get_or_init(|| features(&self.before, &[0.0]))
     }
 
     /// Whether near and far edges contradict a pure rotation: the camera is at another position.

@@ -14,10 +14,11 @@ use crate::{EdgeOffset, FitParameters, RotationFit, STEP_SIZE, TONE_SIZE};
 use nalgebra::{DMatrix, DVector};
 
 use crate::compare::alignment::Alignment;
-use crate::compare::coarse::{AXES, CornerMatch, XorShift, coverage};
+use crate::compare::coarse::{AXES, CornerMatch, coverage};
 use crate::compare::edge_sample::EdgeSample;
 use crate::compare::feature::Luma;
 use crate::compare::motion::{Motion, MovedCamera};
+use crate::xor_shift::XorShift;
 
 /// Alignment of two images by a rotation, a zoom and a step.
 pub(crate) struct StepAlignment(Alignment);

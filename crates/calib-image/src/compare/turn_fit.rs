@@ -319,7 +319,7 @@ pub struct Scatter {
 /// Smallest residual with a Tukey weight of zero, in standard deviations: 95 % efficiency for normal errors.
 const TUKEY_LIMIT: f64 = 4.685;
 /// Ratio of the standard deviation to the median absolute deviation of a normal variable.
-const MAD_TO_SIGMA: f64 = 1.4826;
+pub(crate) const MAD_TO_SIGMA: f64 = 1.4826;
 /// Smallest accepted standard deviation of an offset, in pixels.
 const MIN_SIGMA_PX: f64 = 0.01;
 /// Largest standard deviation of the shift of a block, in pixels. Larger shifts come from the depth of the
@@ -544,7 +544,7 @@ fn psi_slope(residual: f64) -> f64 {
 }
 
 /// Returns the median; 0 for no values.
-fn median(mut values: Vec<f64>) -> f64 {
+pub(crate) fn median(mut values: Vec<f64>) -> f64 {
     if values.is_empty() {
         return 0.0;
     }

@@ -12,8 +12,9 @@ use calib_site::WindowMap;
 use nalgebra::{Matrix4, Vector4};
 use serde::{Deserialize, Serialize};
 
-use crate::compare::coarse::XorShift;
-use crate::compare::feature::{Luma, SMOOTHING_PX, features, features_from, matches};
+use crate::compare::coarse::best_of_pairs;
+use crate::compare::feature::{Feature, Luma, Match, SMOOTHING_PX, features, features_from, matches};
+use crate::compare::turn_fit::{MAD_TO_SIGMA, median};
 
 /// Smallest and largest scale of a window. Zooms are digital up to a factor of 4; smaller scales are substreams.
 const SCALES: [f64; 2] = [0.2, 4.6];
@@ -60,16 +61,17 @@ struct Pair {
     block: usize,
 }
 
-/// Finds the window of the old image that the new image shows; `None` if it shows no window of it.
-pub(crate) fn find_window(old: &Luma, new: &Luma) -> Option<FoundWindow> {
+/// Finds the window of the old image that the new image shows; `None` if it shows no window of it. `upright` are
+/// the corners of the old image.
+pub(crate) fn find_window(old: &Luma, upright: &[Feature], new: &Luma) -> Option<FoundWindow> {
     /// Smallest fraction of agreeing blocks.
     const MIN_SHARE: f64 = 0.6;
     /// Smallest error of the width of the window, in pixels: resampling shifts edges by this much.
     const MIN_SIGMA_PX: f64 = 0.1;
-    let coarse = coarse_window(&pairs(old, new))?;
+    let coarse = coarse_window(&pairs(upright, new))?;
     let wide = BrightnessPair::new(old, new, coarse, 3.0).refine(coarse)?.0;
-    let (fine, sigma) = BrightnessPair::new(old, new, wide, 1.0).refine(wide)?;
-    let pair = BrightnessPair::new(old, new, fine, 1.0);
+    let pair = BrightnessPair::new(old, new, wide, 1.0);
+    let (fine, sigma) = pair.refine(wide)?;
     let map = pair.whole_pixels(fine);
     let share = pair.agreeing_share(&map)?;
     let sigma = sigma.max(MIN_SIGMA_PX / new.width.max(1) as f64);
@@ -86,7 +88,8 @@ pub(crate) fn disagreement(
     BrightnessPair::new(old, new, map, 1.0).cost(by)
 }
 
-fn pairs(old: &Luma, new: &Luma) -> Vec<Pair> {
+/// Matches the corners of both images, the least ambiguous first.
+fn pairs(upright: &[Feature], new: &Luma) -> Vec<Pair> {
     // A zoom shows the corners of the old image at a coarser scale.
     let later = features(new, &[0.0]).into_iter().chain(features_from(new, &[0.0], 2.0)).collect::<Vec<_>>();
     let block = |at: Pixel| {
@@ -95,8 +98,8 @@ fn pairs(old: &Luma, new: &Luma) -> Vec<Pair> {
         };
         index(1, at.v, new.height) * BLOCKS[0] + index(0, at.u, new.width)
     };
-    let found = matches(&features(old, &[0.0]), &later);
-    let pair = |found: &crate::compare::feature::Match| Pair {
+    let found = matches(upright, &later);
+    let pair = |found: &Match| Pair {
         old: found.old,
         new: found.new,
         max_distance: 2.0 * found.size,
@@ -107,27 +110,9 @@ fn pairs(old: &Luma, new: &Luma) -> Vec<Pair> {
 
 /// Returns the window on which most matches agree, in enough blocks of the new image.
 fn coarse_window(pairs: &[Pair]) -> Option<WindowMap> {
-    /// Number of pairs of matches that are tried.
-    const ROUNDS: usize = 4000;
-    /// Number of least ambiguous matches that form the first pairs.
-    const FIRST_MATCH_COUNT: usize = 20;
     /// Smallest number of blocks with an inlier.
     const MIN_BLOCKS: usize = 8;
-    let mut chance = XorShift(0x9e37_79b9_7f4a_7c15);
-    let mut best: Option<(WindowMap, usize)> = None;
-    for round in 0..ROUNDS {
-        let among = (FIRST_MATCH_COUNT + round * pairs.len() / (ROUNDS / 2)).min(pairs.len());
-        if among < 2 {
-            return None;
-        }
-        let pair = [&pairs[chance.below(among)], &pairs[chance.below(among)]];
-        let Some(map) = window_of_pair(pair) else { continue };
-        let count = covered_blocks(&map, pairs);
-        if best.is_none_or(|(_, most)| count > most) {
-            best = Some((map, count));
-        }
-    }
-    let (mut map, count) = best?;
+    let (mut map, count) = best_of_pairs(pairs, window_of_pair, |map| covered_blocks(map, pairs))?;
     if count < MIN_BLOCKS {
         return None;
     }
@@ -230,11 +215,11 @@ impl BrightnessPair {
 
     /// Returns the mean squared difference without the common offset; see [`disagreement`].
     fn cost(&self, by: impl Fn(Pixel) -> Option<Pixel>) -> Option<f64> {
-        let mut all: Vec<f64> = self.samples.iter().filter_map(|&at| self.difference(at, &by)).collect();
+        let all: Vec<f64> = self.samples.iter().filter_map(|&at| self.difference(at, &by)).collect();
         if 4 * all.len() < self.samples.len() || all.is_empty() {
             return None;
         }
-        let offset = median(&mut all);
+        let offset = median(all.clone());
         let capped = |off: &f64| (off - offset).powi(2).min(MAX_DIFFERENCE * MAX_DIFFERENCE);
         Some(all.iter().map(capped).sum::<f64>() / all.len() as f64)
     }
@@ -288,10 +273,9 @@ impl BrightnessPair {
         if 4 * rows.len() < self.samples.len() || rows.len() < 100 {
             return None;
         }
-        let mut all: Vec<f64> = rows.iter().map(|row| row.0).collect();
-        let offset = median(&mut all);
-        let mut distances: Vec<f64> = all.iter().map(|off| (off - offset).abs()).collect();
-        let spread = (1.4826 * median(&mut distances)).max(1e-4);
+        let offset = median(rows.iter().map(|row| row.0).collect());
+        let spread = median(rows.iter().map(|row| (row.0 - offset).abs()).collect());
+        let spread = (MAD_TO_SIGMA * spread).max(1e-4);
         // Weights of Tukey, which end at 4.7 standard deviations.
         let limit = 4.685 * spread;
         let (mut square, mut gradient) = (Matrix4::zeros(), Vector4::zeros());
@@ -356,10 +340,4 @@ impl BrightnessPair {
         let agreeing = found.iter().filter(|&&value| value > MIN_CORRELATION).count();
         (found.len() >= MIN_BLOCKS).then(|| agreeing as f64 / found.len() as f64)
     }
-}
-
-/// Returns the median, and reorders the values.
-fn median(values: &mut [f64]) -> f64 {
-    let middle = values.len() / 2;
-    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }

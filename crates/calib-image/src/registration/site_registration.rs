@@ -8,6 +8,7 @@ use crate::registration::local_view::View;
 use crate::registration::pair_search::{DECISION_TOLERANCE, PairDecision, PairRegistration, register_pair};
 use crate::registration::relative_pose::wrapped;
 use crate::registration::site_colours::{Level, SiteColours};
+use crate::xor_shift::XorShift;
 
 /// Largest number of spanning trees that start the joint search.
 const TREE_COUNT: usize = 6;
@@ -192,21 +193,5 @@ impl PairAgreement {
             baseline_difference: distance * heights[b] * second.log_height.exp(),
             agrees: own.is_on_ridge(&joint, DECISION_TOLERANCE),
         })
-    }
-}
-
-/// Pseudo-random generator with the same sequence on every machine (Marsaglia 2003).
-struct XorShift(u64);
-
-impl XorShift {
-    /// Returns an approximately normal number with standard deviation 1: the sum of twelve uniform numbers.
-    fn normal(&mut self) -> f64 {
-        let uniform = |_| {
-            self.0 ^= self.0 << 13;
-            self.0 ^= self.0 >> 7;
-            self.0 ^= self.0 << 17;
-            (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-        };
-        (0..12).map(uniform).sum::<f64>() - 6.0
     }
 }
