@@ -10,9 +10,8 @@ use std::borrow::Cow;
 use calib_core::camera::Camera;
 use calib_core::floor::view_angle;
 use calib_core::outcome::{Failure, Finding, OtherMinimum};
-use calib_core::single::{Prior, weak_prior};
+use calib_core::single::{MIN_CHI2_DIFFERENCE, Prior, weak_prior};
 
-use crate::bundle_step::refine_lenses;
 use crate::document::{Site, SiteCamera};
 use crate::options::Options;
 use crate::pixel_aspect::PixelAspectEntry;
@@ -23,8 +22,6 @@ use crate::solution::Alternative;
 const START_ASPECTS: [f64; 11] = [0.40, 0.48, 0.58, 0.69, 0.83, 1.0, 1.2, 1.44, 1.73, 2.07, 2.49];
 /// Standard deviation of the pixel aspect in such an estimate, relative to its start value.
 const START_SIGMA_REL: f64 = 0.5;
-/// Largest difference of the scores of two solutions between which the lines do not decide.
-const MAX_SCORE_DIFFERENCE: f64 = 6.0;
 
 /// Solution from one start value.
 struct Candidate {
@@ -45,6 +42,8 @@ impl Site {
         options: &Options,
         others: SharedInputs,
     ) -> Result<SingleFit, Failure> {
+        /// Smallest difference of the logs of two pixel aspects that are different solutions.
+        const MIN_LOG_RATIO: f64 = 0.05;
         let entered = entry.lens_of_image().and_then(|lens| lens.pixel_aspect);
         if entered != Some(PixelAspectEntry::Fit) || entry.is_given() {
             return fit;
@@ -56,10 +55,10 @@ impl Site {
         let Some(best) = rest.next() else { return fit };
         let is_other = |other: &Candidate| {
             let ratio = other.camera.lens.pixel_aspect / best.camera.lens.pixel_aspect;
-            ratio.ln().abs() > 0.05 && other.score - best.score < MAX_SCORE_DIFFERENCE
+            ratio.ln().abs() > MIN_LOG_RATIO && other.score - best.score < MIN_CHI2_DIFFERENCE
         };
         let other = rest.find(is_other);
-        let mut single = SingleFit { pixel_aspect: entry.pixel_aspect_prior(), ..best.single };
+        let mut single = best.single;
         if let Some(Candidate { camera: other, chi2, .. }) = other {
             let Camera { focal, pitch, roll, .. } = other;
             let others = vec![OtherMinimum { focal, pitch, roll }];
@@ -87,24 +86,11 @@ impl Site {
         let aspect = Prior { value: start, sigma: START_SIGMA_REL * start };
         entry.lens = entry.lens_of_image().map(Cow::into_owned);
         entry.lens.get_or_insert_default().pixel_aspect = Some(PixelAspectEntry::Prior(aspect));
-        let refined = |single: &SingleFit| {
-            let fits = [Ok(single.clone())];
-            refine_lenses(&[&entry], &fits, self.plane_priors(), false).cameras.into_iter().next()?
-        };
-        let keeps_all = SharedInputs { keeps_all: true, ..others };
-        let first = self.fit_single(&entry, options, None, keeps_all).ok()?;
-        let (single, camera, chi2) = match refined(&first) {
-            Some(estimate) => {
-                let better = (&first.lens_estimate, &estimate.camera);
-                let single = self.fit_single(&entry, options, Some(better), others).ok()?;
-                (single, estimate.camera, estimate.chi2)
-            }
+        let (single, estimate) = self.fit_all_lines(&entry, options, others)?;
+        let (camera, chi2) = match estimate {
+            Some(estimate) => (estimate.camera, estimate.chi2),
             // Points alone determine the camera, with the pixel aspect of the start.
-            None => {
-                let camera = first.result.solution.camera()?;
-                let chi2 = first.result.solution.chi2?;
-                (first, camera, chi2)
-            }
+            None => (single.result.solution.camera()?, single.result.solution.chi2?),
         };
         let usual = weak_prior(entry.size()[0]);
         let score = chi2 + ((camera.focal.ln() - usual.value) / usual.sigma).powi(2);

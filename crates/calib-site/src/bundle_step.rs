@@ -5,8 +5,9 @@ use std::collections::HashMap;
 
 use crate::document::{FixedEntry, Site, SiteCamera};
 use crate::observations::{LandmarkSource, SiteObservations, UnusedEvidence};
+use crate::options::Options;
 use crate::points_step::{UsedPoints, unplaced};
-use crate::single_step::SingleFit;
+use crate::single_step::{SharedInputs, SingleFit};
 use crate::solution::Stage;
 use calib_core::bundle::{
     BundleAdjustment, BundleCamera, BundleSummary, CameraEstimate, Component, CrossCovariance,
@@ -15,7 +16,7 @@ use calib_core::bundle::{
 use calib_core::camera::{Camera, Covariance, Lens, Pixel, WorldPoint};
 use calib_core::floor::STAGE_1_HEIGHT;
 use calib_core::outcome::{Failure, Source};
-use calib_core::single::{FixedParameters, PlanePrior, Prior, Priors};
+use calib_core::single::{FixedParameters, PlanePrior, Priors};
 
 /// Result of the bundle adjustment of a site.
 #[derive(Clone, Debug, Default)]
@@ -179,6 +180,29 @@ pub(crate) fn refine_lenses(
     adjust(entries, &members(entries, single_fits), alone, with_reliability)
 }
 
+impl Site {
+    /// Fits a camera, and rejects no line before its lens is estimated from all lines. Also returns this estimate;
+    /// `None` if points alone determine the camera.
+    pub(crate) fn fit_all_lines(
+        &self,
+        entry: &SiteCamera,
+        options: &Options,
+        others: SharedInputs,
+    ) -> Option<(SingleFit, Option<CameraEstimate>)> {
+        let first = self.fit_single(entry, options, None, SharedInputs { keeps_all: true, ..others }).ok()?;
+        let Some(estimate) = self.refine_lens(entry, &first) else { return Some((first, None)) };
+        let better = (&first.lens_estimate, &estimate.camera);
+        let found = self.fit_single(entry, options, Some(better), others).ok()?;
+        Some((found, Some(estimate)))
+    }
+
+    /// Refines the lens of one camera together with stage 1; `None` if points alone determine the camera.
+    pub(crate) fn refine_lens(&self, entry: &SiteCamera, single: &SingleFit) -> Option<CameraEstimate> {
+        let fits = [Ok(single.clone())];
+        refine_lenses(&[entry], &fits, self.plane_priors(), false).cameras.into_iter().next()?
+    }
+}
+
 /// Returns the participating cameras; `None` for cameras that do not take part.
 fn members<'a>(
     entries: &[&'a SiteCamera],
@@ -268,7 +292,7 @@ impl<'a> Member<'a> {
             fixed_pose: self.fixed_pose(),
             size: entry.size(),
             principal_point: single.principal_point.unwrap_or_else(|| entry.principal_point_near_centre()),
-            pixel_aspect: single.pixel_aspect.unwrap_or(Prior { value: own.lens.pixel_aspect, sigma: 1.0 }),
+            pixel_aspect: entry.pixel_aspect_prior(),
             fixed: if entry.is_given() { given } else { single.fixed },
             priors: if entry.is_given() {
                 Priors::default()
@@ -375,7 +399,6 @@ impl<'a> Member<'a> {
         if self.single.fits_principal_point() || self.single.principal_point.is_some() && is_entered {
             free[Lens::CENTRE..Lens::ASPECT].fill(true);
         }
-        free[Lens::ASPECT] = self.single.pixel_aspect.is_some();
         free
     }
 }

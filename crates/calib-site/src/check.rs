@@ -280,10 +280,11 @@ fn check_window(at: &At, window: [f64; 4], lens: &LensEntry) -> Checked {
     window[2..].iter().try_for_each(|&side| Bounds { low: 1.0, ..Bounds::POSITIVE }.check(at, side))?;
     let has_field = lens.hfov_deg.is_some() || lens.vfov_deg.is_some() || lens.dfov_deg.is_some();
     if has_field || lens.focal_mm.is_some() {
-        return at.expected("a window beside values of the data sheet", "the focal length as \"focal_px\"");
+        return at
+            .expected("a window together with a data sheet value", "\"focal_px\" instead of this value");
     }
     if lens.like.is_some() {
-        return at.expected("a window beside \"like\"", "the lens values of the calibrated image");
+        return at.expected("a window together with \"like\"", "the lens values of the calibrated image");
     }
     Ok(())
 }

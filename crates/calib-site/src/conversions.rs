@@ -446,8 +446,9 @@ impl SiteCamera {
         entry.map_or(1.0, |entry| entry.start(self.size_px))
     }
 
-    /// Returns the prior on the pixel aspect; `None` if the pixel aspect is known.
+    /// Returns the prior on the pixel aspect; `None` if the pixel aspect is known, or the solution is kept.
     pub(crate) fn pixel_aspect_prior(&self) -> Option<Prior> {
+        (!self.is_given()).then_some(())?;
         self.lens_of_image()?.pixel_aspect?.prior(self.size_px)
     }
 

@@ -168,7 +168,8 @@ impl Site {
         if options.method == Method::Paper {
             return single_fits;
         }
-        if single_fits.iter().flatten().any(SingleFit::fits_lens) {
+        let fits_aspect = entries.iter().any(|entry| entry.pixel_aspect_prior().is_some());
+        if fits_aspect || single_fits.iter().flatten().any(SingleFit::fits_lens) {
             let drafts = refine_lenses(entries, &single_fits, self.plane_priors(), false);
             for (index, draft) in drafts.cameras.iter().enumerate() {
                 let own = single_fits[index].as_ref().ok().filter(|first| first.fit.is_some());
@@ -245,19 +246,12 @@ impl Site {
         let centre = PrincipalPointEntry { value: prior.value, sigma: Some(prior.sigma) };
         entry.lens = entry.lens_of_image().map(Cow::into_owned);
         entry.lens.get_or_insert_default().principal_point_px = Some(centre);
-        let refined = |first: &SingleFit| {
-            let fits = [Ok(first.clone())];
-            let drafts = refine_lenses(&[&entry], &fits, self.plane_priors(), false);
-            Some(drafts.cameras.into_iter().next()??.camera)
-        };
-        let keeps_all = SharedInputs { keeps_all: true, ..others };
-        let first = self.fit_single(&entry, options, None, keeps_all).ok()?;
-        let better = (&first.lens_estimate, &refined(&first)?);
-        let found = self.fit_single(&entry, options, Some(better), others).ok()?;
+        let (found, estimate) = self.fit_all_lines(&entry, options, others)?;
+        estimate?;
         if found.has_outliers() || found.fit.as_ref().is_none_or(|fit| fit.is_misfit) {
             return None;
         }
-        let camera = refined(&found)?;
+        let camera = self.refine_lens(&entry, &found)?.camera;
         Some((found, camera))
     }
 

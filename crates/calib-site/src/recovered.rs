@@ -103,43 +103,31 @@ impl Site {
     ) -> Option<Recovered> {
         let old = self.cameras.get(index)?;
         let camera = old.camera()?;
-        let mut work = Transfer { by: map, left_out: Vec::new(), carried: 0 };
-        // A click without an entered standard deviation has that of the camera, which is otherwise 1 pixel.
-        let scaled = |sigma: &mut Option<f64>| {
-            let entered = sigma.or(if old.sigma_px.is_none() { Some(1.0) } else { None });
-            *sigma = entered.map(|sigma| map.scale[0] * sigma);
-        };
-        let mut site = self.clone();
+        let mut recovered = self.recovered(index, &RotationZoom::default(), map, still)?;
+        let site = &mut recovered.site;
+        // The standard deviation of a click is 1 pixel if none is entered.
+        let usual = if old.sigma_px.is_none() { Some(1.0) } else { None };
+        let scale = |sigma: &mut Option<f64>| *sigma = sigma.or(usual).map(|sigma| map.scale[0] * sigma);
         if self.owns_links(index) {
-            site.links.iter_mut().enumerate().for_each(|(i, link)| work.transfer_link(link, i, &old.id));
-            site.marks.iter_mut().enumerate().for_each(|(i, mark)| work.transfer_mark(mark, i, &old.id));
             let seen = site.links.iter_mut().flat_map(|link| &mut link.seen);
-            seen.filter(|seen| seen.camera == old.id).for_each(|seen| scaled(&mut seen.sigma_px));
+            seen.filter(|seen| seen.camera == old.id).for_each(|seen| scale(&mut seen.sigma_px));
         }
-        let new = work.transfer_camera(old, &camera, &RotationZoom::default(), still);
-        let mut annotations = new.annotations;
-        annotations.iter_mut().for_each(|drawn| scaled(&mut drawn.sigma_px));
-        let mut control_points = new.control_points;
-        control_points.iter_mut().for_each(|point| scaled(&mut point.sigma_px));
+        let new = &mut site.cameras[index];
+        new.annotations.iter_mut().for_each(|drawn| scale(&mut drawn.sigma_px));
+        new.control_points.iter_mut().for_each(|point| scale(&mut point.sigma_px));
+        new.sigma_px = old.sigma_px.map(|sigma| map.scale[0] * sigma);
+        new.size_px = size;
+        new.lens = self.lens_of_window(old, &camera, map, size);
+        new.height_m = old.height_m;
         let is_visible = |at: &Pixel| {
             (0.0..=f64::from(size[0])).contains(&at.u) && (0.0..=f64::from(size[1])).contains(&at.v)
         };
-        site.cameras.push(end_period(old, &still.since));
-        site.cameras[index] = SiteCamera {
-            size_px: size,
-            lens: self.lens_of_window(old, &camera, map, size),
-            height_m: old.height_m,
-            efov_px: new.efov_px.filter(|corners| corners.iter().all(is_visible)),
-            sigma_px: old.sigma_px.map(|sigma| map.scale[0] * sigma),
-            annotations,
-            control_points,
-            ..new
-        };
-        Some(Recovered { site, left_out: work.left_out, carried: work.carried })
+        new.efov_px = new.efov_px.take().filter(|corners| corners.iter().all(is_visible));
+        Some(recovered)
     }
 
-    /// Returns the lens values of a camera with the window of its new image. The values stay those of the
-    /// calibrated image.
+    /// Returns the lens entry of a camera whose new image shows a window. All values except the window belong
+    /// to the calibrated image.
     fn lens_of_window(
         &self,
         old: &SiteCamera,

@@ -17,8 +17,8 @@ use calib_core::floor::{STAGE_1_HEIGHT, view_angle};
 use calib_core::outcome::{Estimator, Failure, Finding, Parameter, Residual, ResidualOf};
 use calib_core::single::{
     Annotation, Constraints, Fit, FitOptions, FixedParameters, Kind, Known, LocalMinimum, Orientation,
-    PlanePrior, PointFit, PrincipalPointPrior, Prior, Priors, STEEP_GRADE, SceneErrors, Shape, Source,
-    findings, paper_minimum, residuals_at, slope_finding, suggest_lines,
+    PlanePrior, PointFit, PrincipalPointPrior, Priors, STEEP_GRADE, SceneErrors, Shape, Source, findings,
+    paper_minimum, residuals_at, slope_finding, suggest_lines,
 };
 
 /// Results of stage 1 of the cameras whose lens other cameras share, by camera id.
@@ -96,8 +96,6 @@ pub(crate) struct SingleFit {
     pub(crate) suspect_points: Vec<usize>,
     /// Prior on the principal point; `None` if it is known.
     pub(crate) principal_point: Option<PrincipalPointPrior>,
-    /// Prior on the pixel aspect; `None` if it is known.
-    pub(crate) pixel_aspect: Option<Prior>,
     /// Principal point that explains all lines, in pixels, if the entered one contradicts them.
     pub(crate) other_centre: Option<Pixel>,
 }
@@ -116,8 +114,7 @@ impl SingleFit {
 
     /// Whether lens parameters are estimated together with the orientation.
     pub(crate) fn fits_lens(&self) -> bool {
-        let fits_more = self.fits_principal_point() || self.pixel_aspect.is_some();
-        self.is_fitted() || (self.fit.is_some() && fits_more)
+        self.is_fitted() || (self.fit.is_some() && self.fits_principal_point())
     }
 
     /// Whether both the lens and the orientation were fitted to annotations of this camera.
@@ -290,9 +287,8 @@ impl SingleInputs<'_> {
     }
 
     fn with_result(self, result: CameraResult, fit: Option<Fit>) -> SingleFit {
-        let Self { entry, lens_estimate, constraints, fixed, principal_point, .. } = self;
+        let Self { lens_estimate, constraints, fixed, principal_point, .. } = self;
         SingleFit {
-            pixel_aspect: entry.pixel_aspect_prior().filter(|_| !entry.is_given()),
             result,
             lens_estimate,
             constraints,

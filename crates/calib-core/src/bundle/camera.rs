@@ -66,8 +66,8 @@ pub struct BundleCamera<'a> {
     pub size: [f64; 2],
     /// Prior on the principal point, used if the principal point is estimated.
     pub principal_point: PrincipalPointPrior,
-    /// Prior on the pixel aspect, used if the pixel aspect is estimated.
-    pub pixel_aspect: Prior,
+    /// Prior on the pixel aspect; `None` if the pixel aspect is known.
+    pub pixel_aspect: Option<Prior>,
     /// Fixed values of roll, pitch, focal length and height. A fixed height replaces the height of `camera`.
     /// For the other parameters the values of `camera` are used.
     pub fixed: FixedParameters,
@@ -89,14 +89,10 @@ pub struct BundleCamera<'a> {
     pub shared_lens: Option<usize>,
     /// Flags of the estimated lens parameters, in the order of [`Lens::PARAMETERS`]. For a shared lens the
     /// flags of its owner apply, except for the principal point and the pixel aspect, which every camera has
-    /// for itself. If the
-    /// own focal length of a wide lens is free, it equals the focal length of the camera.
+    /// for itself. The flag of the pixel aspect is ignored: its prior decides. If the own focal length of a
+    /// wide lens is free, it equals the focal length of the camera.
     pub free_lens: [bool; Lens::PARAMETERS],
 }
-
-/// Standard deviation of the pixel aspect of calibrated cameras: published calibrations differ from square
-/// pixels by 0.1 % to 1 %.
-const MEASURED_ASPECT_SIGMA: f64 = 0.005;
 
 /// Constraints of a camera without annotations.
 static NO_CONSTRAINTS: Constraints = Constraints::EMPTY;
@@ -113,7 +109,7 @@ impl<'a> BundleCamera<'a> {
             fixed_pose: FixedPose::default(),
             size,
             principal_point: PrincipalPointPrior::of_image(size),
-            pixel_aspect: Prior { value: camera.lens.pixel_aspect, sigma: MEASURED_ASPECT_SIGMA },
+            pixel_aspect: None,
             fixed: FixedParameters {
                 roll: Some(camera.roll),
                 pitch: Some(camera.pitch),
@@ -191,7 +187,7 @@ impl<'a> BundleCamera<'a> {
 
     /// Whether lens parameters are estimated.
     pub(crate) fn fits_lens(&self) -> bool {
-        self.free_lens.contains(&true)
+        self.free_lens.contains(&true) || self.pixel_aspect.is_some()
     }
 
     /// Whether lens parameters besides the principal point and the pixel aspect are estimated.
@@ -238,8 +234,8 @@ pub(crate) struct View<'a> {
     pub(crate) size: [f64; 2],
     /// Prior on the principal point.
     pub(crate) principal_point: PrincipalPointPrior,
-    /// Prior on the pixel aspect.
-    pub(crate) pixel_aspect: Prior,
+    /// Prior on the pixel aspect; `None` if the pixel aspect is known.
+    pub(crate) pixel_aspect: Option<Prior>,
     /// Whether the focal length of a wide lens and the focal length of the camera are one estimated
     /// parameter.
     pub(crate) has_tied_focal: bool,
@@ -339,6 +335,7 @@ fn free_parameters(
     free[Covariance::FOCAL] = owner.fixed.focal.is_none();
     free[Covariance::LENS..Covariance::CENTRE].copy_from_slice(&owner.free_lens[..Lens::CENTRE]);
     free[Covariance::CENTRE..].copy_from_slice(&entry.free_lens[Lens::CENTRE..]);
+    free[Covariance::ASPECT] = entry.pixel_aspect.is_some();
     if owner.camera.lens.distortion.is_wide() {
         free[Covariance::LENS + Lens::LENS_FOCAL] = false;
     }

@@ -138,7 +138,7 @@ mod tests {
                 edge_counts: Vec::new(),
                 size: [1920.0, 1080.0],
                 principal_point: PrincipalPointPrior::of_image([1920.0, 1080.0]),
-                pixel_aspect: Prior { value: 1.0, sigma: 0.01 },
+                pixel_aspect: Some(Prior { value: 1.0, sigma: 0.01 }),
                 has_tied_focal: false,
             }
         };

@@ -253,7 +253,7 @@ mod tests {
                     outermost: is_fisheye.then(|| Pixel::new(1700.0, 900.0)),
                     camera: cameras[index], free, lens: index, annotations: &annotations[index],
                     nuisance: vec![0.0; stage_1.nuisances().count()], stage_1, shares_floor: true, edges: if is_fisheye { edges() } else { Vec::new() },
-                    edge_counts: vec![1.0; 2], size: [1920.0, 1080.0], principal_point: PrincipalPointPrior::of_fisheye([1920.0, 1080.0], None), pixel_aspect: Prior { value: 1.0, sigma: 0.01 }, has_tied_focal: is_fisheye,
+                    edge_counts: vec![1.0; 2], size: [1920.0, 1080.0], principal_point: PrincipalPointPrior::of_fisheye([1920.0, 1080.0], None), pixel_aspect: Some(Prior { value: 1.0, sigma: 0.01 }), has_tied_focal: is_fisheye,
                 }
             };
             let distances = vec![DistanceMeasurement::new([0, 1], 2.0, 0.1)];

@@ -64,26 +64,26 @@ pub(crate) struct LensResidual {
 }
 
 /// Returns the prior residuals of the fitted parameters, given by their indices. `centre` and `aspect` are the
-/// priors on the principal point and on the pixel aspect.
+/// priors on the principal point and on the pixel aspect; without the second, the pixel aspect is not fitted.
 ///
 /// The coefficients of the division model and the focal length of a fisheye have no prior.
 pub(crate) fn lens_prior(
     lens: &Lens,
     size: [f64; 2],
-    (centre, aspect): (PrincipalPointPrior, Prior),
+    (centre, aspect): (PrincipalPointPrior, Option<Prior>),
     fitted: &[usize],
 ) -> Vec<LensResidual> {
     let is_coefficient = |index: &&usize| **index < Lens::CENTRE;
-    let others = fitted.iter().filter(|index| !is_coefficient(index)).map(|&index| {
+    let others = fitted.iter().filter(|index| !is_coefficient(index)).filter_map(|&index| {
         let Pixel { u, v } = lens.principal_point;
         let (off, sigma) = match index {
             Lens::CENTRE => (u - centre.value.u, centre.sigma),
-            Lens::ASPECT => (lens.pixel_aspect - aspect.value, aspect.sigma),
+            Lens::ASPECT => (lens.pixel_aspect - aspect?.value, aspect?.sigma),
             _ => (v - centre.value.v, centre.sigma),
         };
         let mut by = [0.0; Lens::PARAMETERS];
         by[index] = sigma.recip();
-        LensResidual { value: off / sigma, by, sigma }
+        Some(LensResidual { value: off / sigma, by, sigma })
     });
     let coefficients: Vec<usize> = fitted.iter().filter(is_coefficient).copied().collect();
     let mut residuals = coefficient_prior(lens, size, &coefficients);
@@ -228,8 +228,7 @@ impl LensProblem<'_> {
         let drawn = self.edges.iter().flat_map(|edge| &edge.points);
         let of_slope = slope_prior(&lens, outermost(drawn, self.principal_point));
         let centre = PrincipalPointPrior::of_fisheye(self.size, self.circle);
-        let aspect = Prior { value: self.pixel_aspect, sigma: 1.0 };
-        lens_prior(&lens, self.size, (centre, aspect), fitted).into_iter().chain(of_slope).collect()
+        lens_prior(&lens, self.size, (centre, None), fitted).into_iter().chain(of_slope).collect()
     }
 
     /// Returns the residuals, in pixels, and their Jacobian; edges first, then priors scaled by `sigma`. The best
@@ -527,7 +526,7 @@ mod tests {
             let all = [0, 1, 2, 3, 4, 5, 6, 7];
             let size = [1920.0, 1080.0];
             let centre = PrincipalPointPrior::of_image(size);
-            let aspect = Prior { value: 1.1, sigma: 0.02 };
+            let aspect = Some(Prior { value: 1.1, sigma: 0.02 });
             let prior = |lens: &Lens| lens_prior(lens, size, (centre, aspect), &all);
             let here = prior(&lens);
             prop_assert_eq!(here.len(), Lens::PARAMETERS);

@@ -29,8 +29,8 @@ pub const MIN_CHI2_DIFFERENCE: f64 = 6.0;
 /// the focal length, the weak prior resolves it.
 const MAX_STEPS: usize = 60;
 
-/// Returns the weak prior on the log of the focal length in pixels, for an image of this width: installed cameras have a focal length of about 0.8 image widths, within a factor
-/// of 1.4.
+/// Returns the weak prior on the log of the focal length in pixels, for an image of this width: installed
+/// cameras have a focal length of about 0.8 image widths, within a factor of 1.4.
 #[must_use]
 pub fn weak_prior(width: f64) -> Prior {
     Prior { value: (USUAL_FOCAL_PER_WIDTH * width).ln(), sigma: 0.35 }
