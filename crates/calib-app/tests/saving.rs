@@ -50,7 +50,7 @@ fn second_window_to_save_is_asked_with_the_changes_of_the_first() {
     draw_and_save(&mut second, 900.0);
     assert_eq!(lines(&saved(&scratch)), before + 1, "the file is not written before the decision");
     let words = second.words().join("\n");
-    let change = format!("shop-1: lines: {before} \u{2192} {}", before + 1);
+    let change = format!("shop-1: lines {before} \u{2192} {}", before + 1);
     assert!(words.contains(&change), "{words}");
     second.harness.get_by_label("Overwrite").click();
     second.harness.run_steps(3);

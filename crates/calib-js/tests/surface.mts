@@ -27,7 +27,7 @@ export function surface(calib: typeof Calib, native: string, drawn: string): voi
     near([camera.focalPx, ...camera.principalPointPx], [solution.focal_px, ...solution.principal_point_px], 1e-9);
     if (solution.distortion) assert.equal(camera.distortion?.model, solution.distortion.model);
     else assert.equal(camera.distortion, undefined);
-    assert.equal(camera.covariance.length, 14);
+    assert.equal(camera.covariance.length, 15);
     matrices(camera);
     stream(camera);
     image(camera);
@@ -50,8 +50,8 @@ function matrices(camera: Calib.Camera): void {
   // J C J^T is the calibration's part of the covariance.
   const [a, b] = [Float64Array.of(camera.size[0] / 2), Float64Array.of(0.9 * camera.size[1])];
   const jacobian = camera.floorJacobian(a, b);
-  assert.equal(jacobian.length, 28);
-  const rows = [Array.from(jacobian.subarray(0, 14)), Array.from(jacobian.subarray(14))];
+  assert.equal(jacobian.length, 30);
+  const rows = [Array.from(jacobian.subarray(0, 15)), Array.from(jacobian.subarray(15))];
   const transposed = rows[0].map((_, k) => rows.map((row) => row[k]));
   const both = product(product(rows, camera.covariance), transposed);
   const { calibration } = camera.floorCovariance(a, b);
