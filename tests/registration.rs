@@ -38,7 +38,12 @@ fn register(cameras: &[Camera], images: &[RgbImage]) -> SiteRegistration {
     let views: Vec<View> = cameras
         .iter()
         .zip(images)
-        .map(|(camera, image)| View { camera, image, is_height_known: false })
+        .map(|(camera, image)| View {
+            camera,
+            size_px: image.dimensions().into(),
+            image,
+            is_height_known: false,
+        })
         .collect();
     let colours = SiteColours::new(&views);
     let pairs: Vec<_> = colours.pairs().into_iter().map(|pair| register_pair(&colours, pair)).collect();

@@ -7,7 +7,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use calib_core::{Annotation, ImageCircle};
-use calib_image::{AutomaticCalibration, Bars, Confidence, EdgeImage, Group, image_circle, line_segments};
+use calib_image::{
+    AutomaticCalibration, Bars, Confidence, EdgeImage, Group, SitePlacement, image_circle, line_segments,
+};
 use calib_report::{is_lens_estimated, overlay, shortened_list, straight_down_text};
 use calib_site::{Options, Site, SiteCamera};
 use clap::ValueEnum;
@@ -17,7 +19,7 @@ use crate::files::ThreadsArgs;
 use crate::files::{self, print_message};
 use crate::painting::draw_on;
 use crate::picture;
-use crate::placing::Placing;
+use crate::placing;
 use crate::site_file;
 use crate::site_file::path_relative_to_file;
 use crate::solve::Format;
@@ -102,12 +104,12 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     let output = args.output.as_deref().unwrap_or("-");
     let cameras = results.iter().zip(ids).map(|(result, id)| camera(result, id, output)).collect();
     let site = solved(Site { cameras, ..Site::new() }, &results);
-    let placing = if args.no_places || results.len() < 2 {
+    let placement = if args.no_places || results.len() < 2 {
         None
     } else {
-        Some(Placing::new(&site, args.threads, |index| site_file::read_image(&results[index].path))?)
+        Some(placing::place(&site, args.threads, |index| site_file::read_image(&results[index].path))?)
     };
-    let site = placing.iter().fold(site, |site, placing| solved(placing.write_into(site), &results));
+    let site = placement.iter().fold(site, |site, placement| solved(placement.write_into(site), &results));
     if let Some(output) = &args.output {
         files::write(output, site.to_json().as_bytes(), args.force)?;
         warn_about_outside_images(&site, output);
@@ -115,7 +117,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if let Some(folder) = &args.render {
         draw(&site, &results, folder, args.force)?;
     }
-    report(args, &site, &results, placing.as_ref())?;
+    report(args, &site, &results, placement.as_ref())?;
     check_all_accepted(&site, &results)
 }
 
@@ -214,15 +216,17 @@ fn report(
     args: &Args,
     site: &Site,
     results: &[ImageCalibration],
-    placing: Option<&Placing>,
+    placement: Option<&SitePlacement>,
 ) -> Result<(), CommandError> {
-    let text = || text(site, results) + &placing.map_or_else(String::new, |placing| placing.text(site));
+    let text = || {
+        text(site, results) + &placement.map_or_else(String::new, |placement| placing::text(placement, site))
+    };
     let to_stdout = args.output.as_deref() == Some("-");
     match args.format {
         Format::Text if to_stdout => print_message(text()),
         Format::Text => files::print(&escape_control_characters(&text()))?,
         Format::Json if to_stdout => {}
-        Format::Json => files::print(&json(site, results, placing)?)?,
+        Format::Json => files::print(&json(site, results, placement)?)?,
     }
     Ok(())
 }
@@ -265,7 +269,7 @@ fn text(site: &Site, results: &[ImageCalibration]) -> String {
 fn json(
     site: &Site,
     results: &[ImageCalibration],
-    placing: Option<&Placing>,
+    placement: Option<&SitePlacement>,
 ) -> Result<String, CommandError> {
     let group = |(index, group): (usize, &Group)| {
         serde_json::json!({
@@ -300,11 +304,11 @@ fn json(
     };
     let mut cameras: Vec<_> = site.cameras.iter().zip(results).map(of).collect();
     let mut report = serde_json::json!({});
-    if let Some(placing) = placing {
+    if let Some(placement) = placement {
         for (index, camera) in cameras.iter_mut().enumerate() {
-            camera["place"] = placing.camera_json(index);
+            camera["place"] = placing::camera_json(placement, index);
         }
-        report["site"] = placing.json(site);
+        report["site"] = placing::json(placement, site);
     }
     report["cameras"] = cameras.into();
     let mut text = serde_json::to_string_pretty(&report)?;

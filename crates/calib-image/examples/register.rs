@@ -71,7 +71,12 @@ fn measure(names: &[String], truth: &[Camera], cameras: &[Camera], images: &[Rgb
     let views: Vec<View> = cameras
         .iter()
         .zip(images)
-        .map(|(camera, image)| View { camera, image, is_height_known: false })
+        .map(|(camera, image)| View {
+            camera,
+            size_px: image.dimensions().into(),
+            image,
+            is_height_known: false,
+        })
         .collect();
     let start = Instant::now();
     let site = SiteColours::new(&views);

@@ -50,6 +50,6 @@ pub use proposal::{
 };
 pub use pull::{SNAP_RADIUS_PX, snap_image_curve, snap_line, snap_polyline};
 pub use registration::{
-    PairAgreement, PairDecision, PairRegistration, SiteColours, SiteRegistration, View, join, register,
-    register_pair,
+    CameraPlacement, PairAgreement, PairDecision, PairPlacement, PairRegistration, PlacementSearch,
+    SiteColours, SitePlacement, SiteRegistration, View, join, register, register_pair,
 };

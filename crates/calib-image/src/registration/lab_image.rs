@@ -3,7 +3,7 @@
 use calib_core::Pixel;
 use image::RgbImage;
 
-use crate::registration::local_view::LocalView;
+use crate::registration::local_view::{LocalView, View};
 
 /// Width of the small image, in pixels.
 pub(crate) const WIDTH_PX: usize = 480;
@@ -21,21 +21,21 @@ pub(crate) struct LabImage {
     pub(crate) colours: Vec<[f32; 3]>,
     /// Whether each pixel shows the scene.
     pub(crate) is_visible: Vec<bool>,
-    /// Pixels of this image per pixel of the given image.
+    /// Pixels of this image per pixel of the calibrated size.
     pub(crate) scale: f64,
 }
 
 impl LabImage {
     /// Scales an image, normalises its white and converts it to CIE Lab.
-    pub(crate) fn new(image: &RgbImage, view: &LocalView) -> Self {
-        let scale = WIDTH_PX as f64 / f64::from(image.width().max(1));
-        let height = ((f64::from(image.height()) * scale).round() as usize).max(1);
+    pub(crate) fn new(View { image, size_px, .. }: &View, local: &LocalView) -> Self {
+        let scale = WIDTH_PX as f64 / f64::from(size_px[0].max(1));
+        let height = ((f64::from(size_px[1]) * scale).round() as usize).max(1);
         let size = [WIDTH_PX, height];
         let mut rgb = resize(image, size);
         let is_shown = |(index, rgb): (usize, &[f32; 3])| {
             let [x, y] = [index % WIDTH_PX, index / WIDTH_PX].map(|i| (i as f64 + 0.5) / scale);
             let is_black = rgb.iter().all(|&level| level <= MAX_BLACK);
-            view.shows(Pixel::new(x, y)) && !(view.is_black_hidden && is_black)
+            local.shows(Pixel::new(x, y)) && !(local.is_black_hidden && is_black)
         };
         let is_visible: Vec<bool> = rgb.iter().enumerate().map(is_shown).collect();
         normalise_white(&mut rgb, &is_visible);

@@ -19,10 +19,19 @@ const MAX_ASPECT: f64 = 4.0;
 pub struct View<'a> {
     /// Camera with the measured or assumed height. The first camera of a group keeps its yaw.
     pub camera: &'a Camera,
-    /// Image of the camera.
+    /// Size of the images for which the camera is calibrated: width and height, in pixels.
+    pub size_px: [u32; 2],
+    /// Image of the camera. It may be smaller than `size_px`.
     pub image: &'a RgbImage,
     /// Whether the height is measured. The standard deviation of a measured height is 2 %, otherwise 10 %.
     pub is_height_known: bool,
+}
+
+/// Returns the image circle that an image shows, in pixels of the calibrated size.
+fn circle_of_image(view: &View) -> Option<ImageCircle> {
+    let circle = image_circle(view.image)?;
+    let scale = f64::from(view.size_px[0]) / f64::from(view.image.width());
+    Some(ImageCircle { u: scale * circle.u, v: scale * circle.v, radius: scale * circle.radius })
 }
 
 /// Maps between the pixels of an image and the local frame of its camera.
@@ -44,9 +53,11 @@ impl LocalView {
     /// Creates the local view. `margin` is the width of the blurred rim of a fisheye image, in pixels.
     /// Returns `None` if the camera has no positive height, or the image is too small or too narrow.
     pub(crate) fn new(view: &View, margin: f64) -> Option<Self> {
+        let size = view.size_px.map(f64::from);
         let (w, h) = view.image.dimensions();
-        let size = [f64::from(w), f64::from(h)];
-        let is_usable = w.min(h) >= MIN_SIDE_PX && size[0].max(size[1]) <= MAX_ASPECT * size[0].min(size[1]);
+        let is_usable = w.min(h) >= MIN_SIDE_PX
+            && view.size_px[0].min(view.size_px[1]) > 0
+            && size[0].max(size[1]) <= MAX_ASPECT * size[0].min(size[1]);
         let given = view.camera;
         let numbers = [given.pitch, given.roll, given.focal, given.position.z, given.lens.focal];
         let is_finite = numbers.iter().all(|number| number.is_finite());
@@ -55,7 +66,7 @@ impl LocalView {
             return None;
         }
         let is_wide = given.lens.distortion.is_wide();
-        let circle = given.lens.image_circle.or_else(|| image_circle(view.image)).filter(|_| is_wide);
+        let circle = given.lens.image_circle.or_else(|| circle_of_image(view)).filter(|_| is_wide);
         let rim = circle.map(|circle| ImageCircle { radius: circle.radius - margin, ..circle });
         let camera = Camera { position: WorldPoint::new(0.0, 0.0, 1.0), yaw: 0.0, ..*given };
         let is_black_hidden = is_wide && circle.is_none();

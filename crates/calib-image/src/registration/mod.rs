@@ -26,7 +26,8 @@
 //! - `relative_pose`, `pair_score`: pose of a pair and its score;
 //! - `coarse_search`: all poses of a pair; `pair_search`: refinement and decision, [`register_pair`];
 //! - `floor_pose`: spanning trees of pairs; `joint_search`: maximum of all pairs of a group;
-//! - `site_registration`: the entry point, [`register`].
+//! - `site_registration`: the entry point, [`register`];
+//! - `site_placement`: placements in a site, [`PlacementSearch`].
 
 mod local_view;
 mod lab_image;
@@ -42,10 +43,12 @@ mod pair_search;
 mod floor_pose;
 mod joint_search;
 mod site_registration;
+mod site_placement;
 
 pub use local_view::View;
 pub use pair_search::{PairDecision, PairRegistration, register_pair};
 pub use site_colours::SiteColours;
+pub use site_placement::{CameraPlacement, PairPlacement, PlacementSearch, SitePlacement};
 pub use site_registration::{PairAgreement, SiteRegistration, join, register};
 
 #[cfg(test)]

@@ -55,9 +55,9 @@ impl SiteColours {
     #[must_use]
     pub fn new(views: &[View]) -> Self {
         let image = |view: &View| {
-            let margin = RIM_PX * f64::from(view.image.width()) / WIDTH_PX as f64;
+            let margin = RIM_PX * f64::from(view.size_px[0]) / WIDTH_PX as f64;
             let local = LocalView::new(view, margin)?;
-            Some((LabImage::new(view.image, &local), local))
+            Some((LabImage::new(view, &local), local))
         };
         let images: Vec<Option<(LabImage, LocalView)>> = views.iter().map(image).collect();
         let classes = ColourClasses::new(images.iter().flatten().map(|(image, _)| image));
@@ -92,7 +92,7 @@ impl CameraColours {
         let items = [8, 6].map(|step| ItemCandidates::new(&shares, image, local, step));
         let medium = shares.block_means(2).blurred(1.5);
         let volume = ClassVolume::new(&medium, local, 0.5 * image.scale);
-        let size = [view.image.width(), view.image.height()].map(f64::from);
+        let size = view.size_px.map(f64::from);
         let map = |shares: &ClassShares, scale: f64| {
             DirectionMap::new(shares, local, size, &volume.background, scale * image.scale)
         };

@@ -71,8 +71,11 @@ fn render(camera: &Camera, blocks: &[Block]) -> RgbImage {
     })
 }
 
+fn view<'a>((camera, image): (&'a Camera, &'a RgbImage)) -> View<'a> {
+    View { camera, size_px: image.dimensions().into(), image, is_height_known: false }
+}
+
 fn views<'a>(cameras: &'a [Camera], images: &'a [RgbImage]) -> Vec<View<'a>> {
-    let view = |(camera, image)| View { camera, image, is_height_known: false };
     cameras.iter().zip(images).map(view).collect()
 }
 
@@ -122,6 +125,24 @@ fn two_views_of_a_scene_are_registered() {
     let ratio = |cameras: [&Camera; 2]| cameras[0].position.z / cameras[1].position.z;
     assert!((ratio([&first, &second]) / ratio([&truth[0], &truth[1]]) - 1.0).abs() < 0.05);
     assert!(result.agreement.len() == 1 && result.agreement[0].agrees);
+}
+
+#[test]
+fn smaller_images_give_the_same_pose() {
+    let truth = cameras().map(|camera| Camera {
+        focal: 2.0 * camera.focal,
+        lens: Lens::pinhole(Pixel::new(480.0, 270.0)),
+        ..camera
+    });
+    let images = cameras().map(|camera| render(&camera, &scene(7)));
+    let whole = images.each_ref().map(|image| {
+        image::imageops::resize(image, 2 * SIZE[0], 2 * SIZE[1], image::imageops::FilterType::Nearest)
+    });
+    let (_, expected) = pair(&truth, &whole);
+    let mut small = views(&truth, &images);
+    small.iter_mut().for_each(|view| view.size_px = SIZE.map(|side| 2 * side));
+    let found = register_pair(&SiteColours::new(&small), [0, 1]);
+    assert!((found.yaw - expected.yaw).abs() < 1e-6 && (found.score - expected.score).abs() < 1.0);
 }
 
 #[test]
