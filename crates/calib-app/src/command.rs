@@ -45,6 +45,7 @@ pub fn run(app: &mut App, ctx: &Context, command: Command, modifiers: Modifiers)
         Group::Nudge(step) => nudge(app, step, modifiers.shift),
         Group::Lines(command) => app.act(Action::Lines(command)),
         Group::Proposing(Proposing::Propose) => app.propose(),
+        Group::Proposing(Proposing::CalibrateAll) => app.calibrate_all(),
         Group::Newer(command) => on_newer(app, ctx, command),
         Group::Proposing(command) => app.act(Action::Proposing(command)),
         Group::View(command) => on_view(app, command),

@@ -35,6 +35,10 @@ impl App {
             self.poll_imports();
             self.poll_refining();
             self.poll_proposing(ctx);
+            // The page loads this work with its second part.
+            if self.jobs.automatic.is_some() {
+                self.poll_automatic(ctx);
+            }
             self.poll_comparing(ctx);
             self.poll_recovering();
             self.poll_arrivals(ctx);

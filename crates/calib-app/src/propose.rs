@@ -9,7 +9,7 @@ use egui::{Color32, ComboBox, RichText, Ui, WidgetInfo};
 
 use crate::command::Command;
 use crate::icons::{self, Icon};
-use crate::state::App;
+use crate::state::{App, AutomaticRow, Mode};
 use crate::theme;
 use crate::widgets::{heading, section};
 
@@ -43,6 +43,64 @@ pub fn propose_ui(app: &mut App, ui: &mut Ui) {
     if let Some(wish) = wish {
         app.send(Action::DecideCalibration(wish));
     }
+}
+
+/// Shows the result of the automatic calibration and placement of all cameras.
+pub(crate) fn report_ui(app: &mut App, ui: &mut Ui) {
+    let Some(report) = app.dialogs.automatic.clone() else { return };
+    let (mut is_closed, mut chosen) = (false, None);
+    section(ui, |ui| {
+        let rows = report.rows.iter().filter(|row| row.calibration.is_some() || row.placement.is_some());
+        heading(ui, "Automatic calibration", &counted(rows.clone().count(), "camera", "cameras"));
+        for row in rows {
+            if report_row(ui, row) {
+                chosen = row.of.index(app.editor.site());
+            }
+        }
+        if !report.summary.is_empty() {
+            ui.label(format!("Places: {}.", report.summary));
+        }
+        is_closed = ui.button("Close").clicked();
+    });
+    if is_closed {
+        app.dialogs.automatic = None;
+    }
+    if let Some(camera) = chosen {
+        app.send(Action::CancelGesture);
+        app.send(Action::SelectCamera(camera));
+        app.view.mode = Mode::Image;
+    }
+}
+
+/// Shows the result of one camera; returns whether its name was clicked.
+fn report_row(ui: &mut Ui, row: &AutomaticRow) -> bool {
+    let palette = theme::palette(ui.ctx());
+    let (confidence, why) =
+        row.calibration.as_ref().map_or((None, ""), |(confidence, why)| (Some(*confidence), why.as_str()));
+    let calibrated = match confidence {
+        Some(Confidence::Sure) => Some("calibrated"),
+        Some(Confidence::Check) => Some("calibrated; check it"),
+        Some(Confidence::None) => Some("not calibrated"),
+        None => None,
+    };
+    let placed = row.placement.as_ref().filter(|_| confidence != Some(Confidence::None));
+    let place = placed.map(|(is_placed, _)| if *is_placed { "placed; check it" } else { "not placed" });
+    let is_bad = confidence == Some(Confidence::None) || placed.is_some_and(|(is_placed, _)| !is_placed);
+    let (icon, colour) = if is_bad { (Icon::Warn, palette.warn) } else { (Icon::Check, palette.ok) };
+    let name = ui
+        .horizontal_wrapped(|ui| {
+            icons::inline(ui, icon, colour);
+            let name = ui.link(RichText::new(&row.of.camera).font(theme::medium(12.0)));
+            let words: Vec<&str> = calibrated.into_iter().chain(place).collect();
+            ui.label(RichText::new(words.join(", ")).color(palette.text2));
+            name
+        })
+        .inner;
+    let placement = placed.map_or("", |(_, why)| why.as_str());
+    for why in [why, placement].into_iter().filter(|why| !why.is_empty()) {
+        ui.label(RichText::new(sentence(why)).small().color(palette.text2));
+    }
+    name.on_hover_text("Show this camera").clicked()
 }
 
 /// Shows the confidence of the automatic calibration and its reason.

@@ -203,6 +203,78 @@ fn camera_without_an_image_is_reported_and_work_can_be_cancelled() {
     assert!(desk.app().editor.session().proposed().is_none());
 }
 
+/// Distances between two cameras and directions to each other in their own frames, which no similarity of
+/// the site changes: ratio of two distances, and bearings in radians.
+fn shape(at: [[f64; 3]; 3]) -> Vec<f64> {
+    let to = |a: usize, b: usize| [at[b][0] - at[a][0], at[b][1] - at[a][1]];
+    let length = |a: usize, b: usize| to(a, b)[0].hypot(to(a, b)[1]);
+    let bearing = |(a, b): (usize, usize)| to(a, b)[1].atan2(to(a, b)[0]) - at[a][2];
+    let pairs = [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)];
+    let mut all = vec![(length(0, 1) / length(1, 2)).ln(), (length(0, 2) / length(1, 2)).ln()];
+    all.extend(pairs.map(bearing));
+    all
+}
+
+#[test]
+fn one_key_calibrates_and_places_all_cameras() {
+    let demonstration = calib_demo::demo_site();
+    let (mut site, images) = blank();
+    site.cameras.retain(|camera| camera.id.starts_with("shop") || camera.id == "barn");
+    let before = site.clone();
+    let mut desk = Desk::with(site, images);
+    desk.keys(Modifiers::SHIFT, Key::A);
+    assert!(desk.app().is_working());
+    desk.wait(|app| !app.is_working());
+    desk.harness.run_steps(3);
+    let words = desk.words().join("\n");
+    assert!(words.contains("3 of 4 cameras are placed") && words.contains("not placed"), "{words}");
+    let pose = |id: &str, found: &Desk| {
+        let session = found.harness.state().editor.session();
+        let index = session.site.cameras.iter().position(|camera| camera.id == id).unwrap();
+        assert!(session.site.cameras[index].placement.as_ref().unwrap().estimated);
+        let pose = session.solved.pose(index).unwrap();
+        [pose.position.x, pose.position.y, pose.yaw]
+    };
+    let ids = ["shop-1", "shop-2", "shop-3"];
+    let found = shape(ids.map(|id| pose(id, &desk)));
+    let truth = |id: &str| demonstration.truth.iter().find(|(own, _)| own == id).unwrap().1;
+    let truth = shape(ids.map(truth).map(|camera| [camera.position.x, camera.position.y, camera.yaw]));
+    for (found, truth) in found.iter().zip(&truth) {
+        let difference = (found - truth).sin().abs();
+        assert!(difference < 0.06, "{found} instead of {truth}");
+    }
+    assert!(desk.site().cameras[3].placement.is_none(), "the barn is another building");
+    // The placements are one step, the calibrations another.
+    desk.undo();
+    assert!(desk.site().cameras.iter().all(|camera| camera.placement.is_none()));
+    assert!(desk.site().cameras.iter().all(|camera| !camera.annotations.is_empty()));
+    desk.undo();
+    assert!(desk.site().cameras == before.cameras);
+    desk.harness.get_by_label("Close").click();
+    desk.harness.run_steps(2);
+    assert!(!desk.words().join("\n").contains("3 of 4 cameras"));
+}
+
+#[test]
+fn calibration_of_all_cameras_can_be_cancelled_and_keeps_finished_ones() {
+    let (site, images) = blank();
+    let mut desk = Desk::with(site, images);
+    desk.keys(Modifiers::SHIFT, Key::A);
+    while !desk.words().join("\n").contains("calibrating image 2 of 6") {
+        desk.harness.run_steps(1);
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    desk.tell(calib_app::command::Command::StopWork);
+    desk.wait(|app| !app.is_working());
+    desk.harness.run_steps(2);
+    let note = desk.app().editor.session().note.clone().unwrap();
+    assert!(note.contains("1 of 6 images were calibrated"), "{note}");
+    let session = desk.harness.state().editor.session();
+    let done = |camera: &&SiteCamera| !camera.annotations.is_empty();
+    assert!(session.site.cameras.iter().filter(done).count() <= 1);
+    assert!(session.site.cameras.iter().all(|camera| camera.placement.is_none()));
+}
+
 #[test]
 fn automatic_calibration_survives_serialisation_to_a_worker() {
     let drawn = calib_demo::demo_site().site.cameras.swap_remove(0);

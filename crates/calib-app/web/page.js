@@ -331,7 +331,7 @@
 
   /** Runs long work in workers of the same program, one task after another per worker. Each slow kind of task has its
    * own worker, so that images need not wait and the task can be cancelled. */
-  const OWN = ["refine", "propose", "compare", "recover"];
+  const OWN = ["refine", "propose", "place", "compare", "recover"];
   const workers = new Map();
   const hire = (lane) => {
     const asked = new Map();

@@ -7,7 +7,7 @@ use calib_core::{Annotation, ImageCircle, MarkKind, Placement};
 
 use calib_core::single::Known;
 
-use calib_image::AutomaticCalibration;
+use calib_image::{AutomaticCalibration, SitePlacement};
 use calib_site::{ControlPointEntry, Distance, GroundPoint, LensEntry, Link, Mark, Plan, Site};
 use image::RgbImage;
 
@@ -140,6 +140,11 @@ pub enum Action {
 
     /// Stores the automatic calibration of the image of a calibration period.
     SetAutomaticCalibration(Period, Box<AutomaticCalibration>),
+    /// Accepts automatic calibrations of several images, except those with the confidence `none`, which stay
+    /// undecided.
+    SetAutomaticCalibrations(Vec<(Period, AutomaticCalibration)>),
+    /// Applies the placements that were found by colours: the site at the start of the search, and the result.
+    PlaceByColours(Box<(Site, SitePlacement)>),
     /// Applies a decision of the operator about the automatic calibration of the selected camera.
     DecideCalibration(CalibrationDecision),
     /// Applies a command to the automatic calibration of the selected camera.

@@ -197,6 +197,7 @@ commands! {
     /// Commands on automatic calibrations.
     Proposing {
         Propose "Calibrate automatically from the edges of this image" [Camera] SHIFT P;
+        CalibrateAll "Calibrate and place all cameras automatically" [Cameras] SHIFT A;
         AcceptProposed "Accept all detected lines" [Proposed];
         DismissProposed "Discard all detected lines" [Proposed];
         AcceptGroup "Accept the selected group of detected lines" [Proposed];

@@ -233,8 +233,8 @@ impl Session {
     /// Returns the selected camera as the input of an automatic calibration: without annotations, with its
     /// lens fixed if known.
     #[must_use]
-    pub fn without_annotations(&self) -> Option<SiteCamera> {
-        Some(proposed::without_annotations(self.entry()?, self.pose()))
+    pub fn without_annotations(&self, camera: usize) -> Option<SiteCamera> {
+        Some(proposed::without_annotations(self.site.cameras.get(camera)?, self.solved.pose(camera)))
     }
 
     /// Removes the automatic calibrations of cameras that were removed or have another image now.

@@ -191,6 +191,13 @@ pub(crate) fn steps_ui(app: &mut App, ui: &mut Ui) {
     {
         app.send_command(Command::Propose);
     }
+    if waits && app.jobs.automatic.is_none() && app.blank_cameras().nth(1).is_some() {
+        let button = ui.button("Calibrate all images   Shift+A");
+        let tip = "Calibrate every image without lines, and place the cameras relative to each other";
+        if button.on_hover_text(tip).clicked() {
+            app.send_command(Command::CalibrateAll);
+        }
+    }
     if bent && ui.button("Fit k1, k2").on_hover_text("Fit the lens to the straight edges").clicked() {
         lens::fit(app);
     }

@@ -1,7 +1,12 @@
 //! Worker of the page: decodes, renders, detects edges, calibrates, compares and refines.
 
+use std::cell::RefCell;
+
 use calib_editor::edges;
-use calib_image::{AutomaticCalibration, Comparison, EdgeImage, LineSegment, line_segments};
+use calib_image::{
+    AutomaticCalibration, Comparison, EdgeImage, LineSegment, PairRegistration, PlacementSearch,
+    line_segments,
+};
 use calib_plan::{Drawing, Picture, View};
 use calib_site::{Site, SiteCamera};
 use image::RgbImage;
@@ -9,7 +14,7 @@ use js_sys::{Array, Float64Array, Reflect, Uint8Array};
 use wasm_bindgen::prelude::*;
 
 use crate::platform::Recovery;
-use crate::platform::web::{COMPARE, DRAWING, PROPOSE, RECOVER, REFINE, page};
+use crate::platform::web::{COMPARE, DRAWING, PLACE, PROPOSE, PlacementStep, RECOVER, REFINE, page};
 use crate::storage::demo;
 
 /// Registers the function through which the page sends work to this worker.
@@ -42,6 +47,7 @@ fn run_job(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, St
             let (camera, edges): (SiteCamera, Vec<LineSegment>) = page::read(bytes)?;
             json_answer(&AutomaticCalibration::new(&EdgeImage::from_camera(&camera, edges)))
         }
+        PLACE => place(page::read(name.as_bytes())?, bytes),
         COMPARE => {
             let camera: SiteCamera = serde_json::from_str(name).map_err(|error| error.to_string())?;
             let [old, new] = two_images_from_bytes(width, bytes)?;
@@ -67,6 +73,40 @@ fn run_job(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, St
         }
         other => Err(format!("unknown task {other}")),
     }
+}
+
+thread_local! {
+    /// Search for placements that is running: the site, the prepared images, and the registered pairs.
+    static SEARCH: RefCell<Option<(Site, PlacementSearch, Vec<PairRegistration>)>> =
+        const { RefCell::new(None) };
+}
+
+/// Carries out a step of the search for placements.
+fn place(step: PlacementStep, bytes: &[u8]) -> Result<Array, String> {
+    SEARCH.with_borrow_mut(|search| match (step, search.as_mut()) {
+        (PlacementStep::Prepare { site, cameras, sizes }, _) => {
+            let mut rest = bytes;
+            let mut images = Vec::new();
+            for (width, height) in sizes {
+                let split = rest.split_at_checked(3 * width as usize * height as usize);
+                let (image, others) = split.ok_or("an image has an unexpected size")?;
+                images.push(image_from_bytes(width, image)?);
+                rest = others;
+            }
+            let prepared = PlacementSearch::new(&site, &cameras, &images);
+            let pairs = prepared.pairs();
+            *search = Some((site, prepared, Vec::new()));
+            json_answer(&pairs)
+        }
+        (PlacementStep::Register(pair), Some((_, search, pairs))) => {
+            pairs.push(search.register(pair));
+            json_answer(&pairs.len())
+        }
+        (PlacementStep::Place, Some((site, search, pairs))) => {
+            json_answer(&search.place(site, pairs, &mut |_| true).ok_or("the search was cancelled")?)
+        }
+        (_, None) => Err("no images were sent".into()),
+    })
 }
 
 /// Creates an image of this width from its RGB bytes.

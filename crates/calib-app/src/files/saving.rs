@@ -9,7 +9,7 @@ use calib_site::{Site, counted};
 use crate::choice::Purpose;
 use crate::edges::Proposing;
 use crate::platform::{Here, Platform as _};
-use crate::state::{App, Comparing, Conflict, Decision, Outside, Panes, Sheet, Tour, Why};
+use crate::state::{App, Automatic, Comparing, Conflict, Decision, Outside, Panes, Sheet, Tour, Why};
 use crate::storage::autosave::{self, Autosave, Found, News, Recent, Work};
 use crate::storage::files;
 
@@ -266,7 +266,8 @@ impl App {
         let images = &self.editor.session().images;
         let compared = self.jobs.comparing.iter_mut().flat_map(Comparing::images_mut);
         let proposed = self.jobs.proposing.iter_mut().flat_map(Proposing::images_mut);
-        for name in compared.chain(proposed) {
+        let automatic = self.jobs.automatic.iter_mut().flat_map(Automatic::images_mut);
+        for name in compared.chain(proposed).chain(automatic) {
             *name = images.rebased_name(name, folder);
         }
     }

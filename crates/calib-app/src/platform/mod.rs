@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use calib_editor::{AllowedFiles, Edge, FileResult, Source};
-use calib_image::{AutomaticCalibration, Comparison, EmptyScene, LineSegment};
+use calib_image::{AutomaticCalibration, Comparison, EmptyScene, LineSegment, SitePlacement};
 use calib_plan::View;
 use calib_site::{NewImage, Recovered, Site, SiteCamera};
 use egui::Context;
@@ -56,6 +56,17 @@ impl Recovery {
         let found = calib_image::recover(&self.site, self.index, &self.comparison, [old, new], &self.still);
         found.map_err(|refusal| refusal.to_string())
     }
+}
+
+/// Input of the search for the placements of cameras.
+#[derive(Debug)]
+pub(crate) struct PlacementRequest {
+    /// Site with its solutions.
+    pub(crate) site: Site,
+    /// Indices of the cameras.
+    pub(crate) cameras: Vec<usize>,
+    /// Image of each camera; it may be smaller than the calibrated size.
+    pub(crate) images: Vec<RgbImage>,
 }
 
 /// Frames to read from a video.
@@ -117,7 +128,7 @@ pub(crate) fn shrunk(image: &RgbImage, max_side: u32) -> Option<RgbImage> {
     (scale < 1.0).then(|| image::imageops::thumbnail(image, width, height))
 }
 
-/// Progress of work on a video, and its cancellation.
+/// Progress of background work, and its cancellation.
 #[derive(Debug, Default)]
 pub(crate) struct Progress {
     /// Share of the work done, in thousandths.
@@ -263,6 +274,16 @@ pub(crate) trait Platform {
 
     /// Cancels the running edge measurement and automatic calibration.
     fn stop_proposing();
+
+    /// Searches the placements of cameras by the colours of their images.
+    fn place(
+        ctx: &Context,
+        asked: PlacementRequest,
+        progress: &Arc<Progress>,
+    ) -> Task<Result<SitePlacement, String>>;
+
+    /// Cancels the running search for placements.
+    fn stop_placing();
 
     /// Compares two images of a solved camera.
     fn compare(ctx: &Context, camera: SiteCamera, stills: Stills) -> Task<Result<Comparison, String>>;

@@ -134,6 +134,10 @@ fn right(app: &mut App, ui: &mut Ui) {
     }
     distances::out_of_date_ui(app, ui);
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
+        // The page loads the report with its second part.
+        if app.dialogs.automatic.is_some() {
+            propose::report_ui(app, ui);
+        }
         propose::propose_ui(app, ui);
         compare::panel::compare_ui(app, ui);
         section(ui, |ui| steps::steps_ui(app, ui));

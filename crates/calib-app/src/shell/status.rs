@@ -102,6 +102,10 @@ fn state(app: &App, ui: &mut Ui, stop: &mut bool) {
         ui.spinner();
         ui.label(RichText::new(proposing.doing()).color(palette.text2));
     }
+    if let Some(automatic) = &app.jobs.automatic {
+        ui.spinner();
+        ui.label(RichText::new(automatic.doing()).color(palette.text2));
+    }
     if let Some(doing) = app.doing_newer() {
         ui.spinner();
         ui.label(RichText::new(doing).color(palette.text2));

@@ -20,7 +20,7 @@ const MENU: &[&[Command]] = &[
         Command::SavePlain,
     ],
     &[Command::AddImages, Command::LoadPlan, Command::ReplaceStill, Command::Compare],
-    &[Command::Propose, Command::CompareStill],
+    &[Command::Propose, Command::CalibrateAll, Command::CompareStill],
     &[Command::Import, Command::Export, Command::Report],
     &[Command::SavePicture, Command::Theme, Command::Feet],
     &[Command::Shortcuts, Command::About],

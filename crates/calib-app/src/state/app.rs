@@ -22,9 +22,9 @@ use crate::edges::Refining;
 use crate::picture::Pictures;
 use crate::platform::{Here, Platform, Task};
 use crate::state::{
-    Comparing, Conflict, Decision, EllipseSize, Glance, Layers, List, Looking, Mode, Orbit, Outside, Palette,
-    Panes, PathField, Place, Planning, Read, Recovering, Sent, Sheet, ShownCoverage, ShownMeasurements, Tour,
-    VideoSheet,
+    Automatic, AutomaticReport, Comparing, Conflict, Decision, EllipseSize, Glance, Layers, List, Looking,
+    Mode, Orbit, Outside, Palette, Panes, PathField, Place, Planning, Read, Recovering, Sent, Sheet,
+    ShownCoverage, ShownMeasurements, Tour, VideoSheet,
 };
 use crate::storage::autosave::Shelf;
 use crate::storage::autosave::Thumbnail;
@@ -102,6 +102,8 @@ pub struct Dialogs {
     pub conflict: Option<Conflict>,
     /// Images that the site names outside its folder, and the decisions about them.
     pub outside: Outside,
+    /// Result of the automatic calibration and placement of all cameras, until it is closed.
+    pub(crate) automatic: Option<AutomaticReport>,
     /// Field for a typed path, used where no file chooser is available.
     pub path_field: Option<PathField>,
     /// Open file chooser.
@@ -163,6 +165,8 @@ pub struct Jobs {
     pub(crate) refining: Option<Refining>,
     /// Automatic calibration that is running.
     pub(crate) proposing: Option<Proposing>,
+    /// Automatic calibration and placement of all cameras that is running.
+    pub(crate) automatic: Option<Automatic>,
     /// Comparisons that are waiting or running; only the first is running.
     pub(crate) comparing: VecDeque<Comparing>,
     /// Running recovery of a camera that moved, from its newer image; `None` if none is running.
@@ -252,6 +256,7 @@ impl App {
                 about: false,
                 chooser: Dialog::open,
                 conflict: None,
+                automatic: None,
                 outside: Outside::default(),
                 path_field: None,
                 dialog: None,
@@ -354,6 +359,7 @@ impl App {
     pub fn close_sheets(&mut self) -> bool {
         let exported = self.dialogs.export.close();
         let was_asked = self.dialogs.conflict.take().is_some()
+            | self.dialogs.automatic.take().is_some()
             | self.dialogs.path_field.take().is_some()
             | self.jobs.video.take().is_some()
             | !self.dialogs.outside.asked.is_empty();

@@ -9,10 +9,12 @@ mod comparing;
 mod coverage;
 mod measurements;
 mod video;
+mod automatic;
 mod app;
 mod work;
 
 pub use app::{App, Dialogs, Hover, Jobs, Storage, ViewState};
+pub(crate) use automatic::{Automatic, AutomaticReport, AutomaticRow};
 pub(crate) use comparing::{Comparing, Recovering};
 pub(crate) use coverage::Computed;
 pub(crate) use coverage::ShownBorder;

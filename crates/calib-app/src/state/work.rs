@@ -29,6 +29,7 @@ impl App {
         self.waiting() > 0
             || self.jobs.refining.is_some()
             || self.jobs.proposing.is_some()
+            || self.jobs.automatic.is_some()
             || self.is_comparing()
             || self.pictures.loading() > 0
             || self.edges.pending() > 0
@@ -40,6 +41,7 @@ impl App {
             || self.dialogs.dialog.is_some()
             || self.jobs.refining.is_some()
             || self.jobs.proposing.is_some()
+            || self.jobs.automatic.is_some()
             || self.is_comparing()
             || !self.jobs.arriving.is_empty()
     }
@@ -53,6 +55,10 @@ impl App {
         }
         if self.jobs.proposing.take().is_some() {
             self.act(Action::Note("Automatic calibration cancelled. No lines were added.".into()));
+            return;
+        }
+        if self.jobs.automatic.is_some() {
+            self.stop_automatic();
             return;
         }
         if self.is_comparing() {
@@ -82,11 +88,21 @@ impl App {
         }
     }
 
+    /// Returns the indices of the cameras with an image, but without annotations and calibration.
+    pub(crate) fn blank_cameras(&self) -> impl Iterator<Item = usize> {
+        let session = self.editor.session();
+        let is_blank = |(index, camera): &(usize, &SiteCamera)| {
+            camera.annotations.is_empty() && camera.image.is_some() && session.solved.pose(*index).is_none()
+        };
+        session.site.cameras.iter().enumerate().filter(is_blank).map(|(index, _)| index)
+    }
+
     /// Starts the automatic calibration of the current image.
     pub(crate) fn propose(&mut self) {
         let session = self.editor.session();
         let Some(entry) = session.entry() else { return };
-        let (Some(camera), Some(image)) = (session.without_annotations(), entry.image.clone()) else {
+        let (Some(camera), Some(image)) = (session.without_annotations(session.camera), entry.image.clone())
+        else {
             let note = format!(
                 "{} has no image: choose \u{201c}Replace the image of this camera\u{201d}.",
                 entry.id

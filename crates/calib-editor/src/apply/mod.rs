@@ -45,6 +45,8 @@ impl Editor {
             Action::Nudge { step, coarse, pane } => self.nudge(step, coarse, pane),
             Action::Lines(command) => self.on_lines(command),
             Action::SetAutomaticCalibration(of, proposal) => self.set_automatic_calibration(&of, &proposal),
+            Action::SetAutomaticCalibrations(found) => self.set_automatic_calibrations(found),
+            Action::PlaceByColours(found) => self.place_by_colours(&found.0, &found.1),
             Action::DecideCalibration(action) => self.decide_calibration(action),
             Action::Newer(action) => self.on_newer(action),
             Action::Proposing(command) => self.proposing(command),

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use calib_core::Kind;
-use calib_image::{AutomaticCalibration, Confidence};
+use calib_image::{AutomaticCalibration, Confidence, SitePlacement};
+use calib_site::{Site, counted};
 
 use crate::command::Proposing;
 use crate::editor::Editor;
@@ -32,12 +33,51 @@ impl Editor {
         self.session.note = note;
     }
 
+    /// Accepts the automatic calibrations of several images as one undo step. Calibrations with the confidence
+    /// `none` stay undecided. Cameras that were annotated or removed meanwhile stay unchanged.
+    pub(super) fn set_automatic_calibrations(&mut self, found: Vec<(Period, AutomaticCalibration)>) {
+        self.cancel();
+        let count = found.len();
+        for (of, calibration) in found {
+            let Some(index) = of.index(&self.session.site) else { continue };
+            let entry = &mut self.session.site.cameras[index];
+            if !entry.annotations.is_empty() {
+                continue;
+            }
+            let pending = PendingCalibration::new(entry, &calibration);
+            let all = Arc::make_mut(&mut self.session.pending.proposed);
+            all.retain(|known| known.of != of);
+            if pending.confidence == Confidence::None {
+                all.push(pending);
+            } else {
+                *entry = pending.with_groups(entry, |_| true);
+            }
+        }
+        self.session.pending.picked_line = None;
+        self.session.commit(format!("calibrate {} automatically", counted(count, "image", "images")));
+    }
+
+    /// Applies the placements that were found by colours as one undo step. If the cameras have changed since,
+    /// the result is discarded.
+    pub(super) fn place_by_colours(&mut self, from: &Site, found: &SitePlacement) {
+        if self.session.site != *from {
+            let note = "The placements were discarded: the site changed during the search. Start it again.";
+            self.session.note = Some(note.into());
+            return;
+        }
+        let count = found.cameras.iter().filter(|camera| camera.placement.is_some()).count();
+        if count > 0 {
+            self.session.site = found.write_into(std::mem::take(&mut self.session.site));
+            self.session.commit(format!("place {} by their images", counted(count, "camera", "cameras")));
+        }
+    }
+
     /// Applies a command to the selected group of lines, or to the group that reduces the floor error most.
     pub(super) fn proposing(&mut self, command: Proposing) {
         let mut group = || self.selected_group();
         let action = match command {
-            // The view runs this command, because it has the decoded image.
-            Proposing::Propose => None,
+            // The view runs these commands, because it has the decoded images.
+            Proposing::Propose | Proposing::CalibrateAll => None,
             Proposing::AcceptProposed => Some(CalibrationDecision::AcceptAll),
             Proposing::DismissProposed => Some(CalibrationDecision::Dismiss),
             Proposing::AcceptGroup => group().map(CalibrationDecision::Accept),

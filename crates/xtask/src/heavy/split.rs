@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
 /// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
-const REST: [&str; 125] = [
+const REST: [&str; 128] = [
     // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
@@ -76,6 +76,8 @@ const REST: [&str; 125] = [
     "calib_app::scene3d",
     "calib_app::state::coverage",
     "calib_app::state::measurements",
+    "calib_app::propose::report",
+    "calib_app::state::automatic",
     "calib_app::state::video",
     "calib_app::shell::palette",
     "calib_editor::apply::places",
@@ -96,6 +98,7 @@ const REST: [&str; 125] = [
     "calib_image::compare",
     "calib_image::proposal",
     "calib_image::bars",
+    "calib_image::registration",
     "calib_health",
     "calib_site::recovered",
     "calib_site::document::Site>::lens_of_window",

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use calib_editor::{AllowedFiles, Edge, FileResult, Source};
-use calib_image::{AutomaticCalibration, Comparison, LineSegment};
+use calib_image::{AutomaticCalibration, Comparison, LineSegment, SitePlacement};
 use calib_plan::View;
 use calib_site::{Recovered, Site, SiteCamera};
 use egui::Context;
@@ -15,7 +15,9 @@ use image::RgbImage;
 
 use crate::choice::{Chosen, Purpose};
 use crate::drawing::DecodedImage;
-use crate::platform::{Answer, FrameRequest, Platform, Progress, Recovery, Stills, VideoFrames};
+use crate::platform::{
+    Answer, FrameRequest, PlacementRequest, Platform, Progress, Recovery, Stills, VideoFrames,
+};
 
 /// Desktop platform.
 #[derive(Clone, Copy, Debug)]
@@ -136,6 +138,17 @@ impl Platform for Native {
 
     // The thread runs to its end; its result is dropped.
     fn stop_proposing() {}
+
+    fn place(
+        ctx: &Context,
+        asked: PlacementRequest,
+        progress: &Arc<Progress>,
+    ) -> Task<Result<SitePlacement, String>> {
+        task::place(ctx, asked, progress)
+    }
+
+    // The threads end with the next progress report.
+    fn stop_placing() {}
 
     fn compare(ctx: &Context, camera: SiteCamera, stills: Stills) -> Task<Result<Comparison, String>> {
         task::compare(ctx, camera, stills)

@@ -2,10 +2,14 @@
 
 use std::fs::File;
 use std::io::{BufReader, Cursor};
-use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use calib_editor::{Edge, Source, decode, edges, refined};
-use calib_image::{AutomaticCalibration, Comparison, EdgeImage, LineSegment, line_segments};
+use calib_image::{
+    AutomaticCalibration, Comparison, EdgeImage, LineSegment, PairRegistration, PlacementSearch,
+    SitePlacement, line_segments,
+};
 use calib_plan::{DrawingKind, View};
 use calib_site::{Recovered, Site, SiteCamera};
 use calib_video::{Video, VideoError};
@@ -15,7 +19,9 @@ use image::RgbImage;
 use crate::choice::Chosen;
 use crate::drawing::DecodedImage;
 use crate::platform::native::files;
-use crate::platform::{FrameRequest, Lost, Progress, Recovery, Stills, VideoContent, VideoFrames};
+use crate::platform::{
+    FrameRequest, Lost, PlacementRequest, Progress, Recovery, Stills, VideoContent, VideoFrames,
+};
 
 /// Task in the background and its result. A task that is dropped before its start is not started.
 #[derive(Debug)]
@@ -208,6 +214,41 @@ pub(super) fn propose(
     edges: Vec<LineSegment>,
 ) -> Task<Result<AutomaticCalibration, String>> {
     Task::spawn_apart(ctx, move || Ok(AutomaticCalibration::new(&EdgeImage::from_camera(&camera, edges))))
+}
+
+/// Searches the placements of cameras, with one thread per processor.
+pub(super) fn place(
+    ctx: &Context,
+    asked: PlacementRequest,
+    progress: &Arc<Progress>,
+) -> Task<Result<SitePlacement, String>> {
+    /// Share of the work after the registration of the pairs.
+    const PAIRED: f64 = 0.7;
+    let progress = Arc::clone(progress);
+    Task::spawn_apart(ctx, move || {
+        let PlacementRequest { site, cameras, images } = asked;
+        let search = PlacementSearch::new(&site, &cameras, &images);
+        let pairs = search.pairs();
+        let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        let found: Vec<OnceLock<PairRegistration>> = pairs.iter().map(|_| OnceLock::new()).collect();
+        let work = || {
+            while let index = next.fetch_add(1, Ordering::Relaxed)
+                && let Some((pair, found)) = pairs.get(index).zip(found.get(index))
+            {
+                // The index is of this thread alone.
+                let _ = found.set(search.register(*pair));
+                let share = (done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / pairs.len() as f64;
+                if !progress.report(PAIRED * share) {
+                    return;
+                }
+            }
+        };
+        let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+        std::thread::scope(|scope| (0..threads.min(pairs.len())).for_each(|_| drop(scope.spawn(work))));
+        let found: Vec<PairRegistration> = found.into_iter().filter_map(OnceLock::into_inner).collect();
+        let mut report = |share: f64| progress.report(PAIRED + (1.0 - PAIRED) * share);
+        search.place(&site, &found, &mut report).ok_or_else(|| "the search was cancelled".into())
+    })
 }
 
 pub(super) fn compare(

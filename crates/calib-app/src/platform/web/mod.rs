@@ -10,7 +10,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use calib_editor::{AllowedFiles, Edge, FileResult, Source};
-use calib_image::{AutomaticCalibration, Comparison, LineSegment};
+use calib_image::{AutomaticCalibration, Comparison, LineSegment, SitePlacement};
 use calib_plan::{DrawingKind, View};
 use calib_site::{Recovered, Site, SiteCamera};
 use egui::Context;
@@ -22,12 +22,12 @@ use wasm_bindgen_futures::JsFuture;
 use crate::choice::{Chosen, Purpose};
 use crate::drawing::DecodedImage;
 use crate::platform::{
-    Answer, FrameRequest, Platform, Progress, Recovery, Stills, VideoContent, VideoFrames,
+    Answer, FrameRequest, PlacementRequest, Platform, Progress, Recovery, Stills, VideoContent, VideoFrames,
 };
 
 pub use task::Task;
 
-pub(crate) use worker::{COMPARE, DRAWING, PROPOSE, RECOVER, REFINE};
+pub(crate) use worker::{COMPARE, DRAWING, PLACE, PROPOSE, PlacementStep, RECOVER, REFINE};
 
 /// Browser platform.
 #[derive(Clone, Copy, Debug)]
@@ -179,6 +179,20 @@ impl Platform for Web {
     // The page stops the worker.
     fn stop_proposing() {
         worker::stop_proposing();
+    }
+
+    fn place(
+        ctx: &Context,
+        asked: PlacementRequest,
+        progress: &Arc<Progress>,
+    ) -> Task<Result<SitePlacement, String>> {
+        let progress = Arc::clone(progress);
+        Task::wait(ctx, async move { worker::place(asked, &progress).await })
+    }
+
+    // The page stops the worker.
+    fn stop_placing() {
+        worker::stop_placing();
     }
 
     fn compare(ctx: &Context, camera: SiteCamera, stills: Stills) -> Task<Result<Comparison, String>> {

@@ -1,7 +1,7 @@
 //! Requests to the page's workers, and their answers.
 
 use calib_editor::{Edge, Source, edges};
-use calib_image::{AutomaticCalibration, Comparison, LineSegment};
+use calib_image::{AutomaticCalibration, Comparison, LineSegment, SitePlacement};
 use calib_plan::{DrawingFacts, View};
 use calib_site::{Recovered, Site, SiteCamera};
 use image::RgbImage;
@@ -9,7 +9,7 @@ use js_sys::{Array, Float64Array, Uint8Array};
 use wasm_bindgen_futures::JsFuture;
 
 use crate::platform::web::{Web, page};
-use crate::platform::{Platform as _, Recovery, Stills};
+use crate::platform::{PlacementRequest, Platform as _, Progress, Recovery, Stills};
 
 /// Name of the worker for refinements; it is separate so that it can be stopped.
 pub(crate) const REFINE: &str = "refine";
@@ -19,10 +19,30 @@ pub(crate) const PROPOSE: &str = "propose";
 
 /// Name of the work that reads a DXF drawing.
 pub(crate) const DRAWING: &str = "drawing";
+/// Name of the worker that places cameras; the name of a request is a [`PlacementStep`].
+pub(crate) const PLACE: &str = "place";
 /// Name of the worker for comparisons; the bytes of a request contain both images.
 pub(crate) const COMPARE: &str = "compare";
 /// Name of the worker for recoveries; the bytes of a request contain both images.
 pub(crate) const RECOVER: &str = "recover";
+
+/// Step of the search for placements.
+#[derive(Debug, serde::Serialize, serde::Deserialize)]
+pub(crate) enum PlacementStep {
+    /// Prepares the images, whose RGB bytes are sent one after the other; answers the pairs.
+    Prepare {
+        /// Site with its solutions.
+        site: Site,
+        /// Indices of the cameras.
+        cameras: Vec<usize>,
+        /// Sizes of the images.
+        sizes: Vec<(u32, u32)>,
+    },
+    /// Registers a pair.
+    Register([usize; 2]),
+    /// Answers the placements.
+    Place,
+}
 
 /// Sends a request to a worker; returns its answer.
 async fn request(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, String> {
@@ -104,6 +124,32 @@ pub(crate) async fn propose(
 /// Stops the running automatic calibration.
 pub(crate) fn stop_proposing() {
     page::dismiss(PROPOSE);
+}
+
+/// Searches the placements of cameras in a worker, which keeps the prepared images between the requests.
+pub(crate) async fn place(asked: PlacementRequest, progress: &Progress) -> Result<SitePlacement, String> {
+    /// Share of the work after the registration of the pairs.
+    const PAIRED: f64 = 0.7;
+    let PlacementRequest { site, cameras, images } = asked;
+    let sizes = images.iter().map(RgbImage::dimensions).collect();
+    let bytes: Vec<u8> = images.into_iter().flat_map(RgbImage::into_raw).collect();
+    let send = async |step: &PlacementStep, bytes: &[u8]| {
+        let step = serde_json::to_string(step).map_err(|error| error.to_string())?;
+        request(PLACE, &step, 0, bytes).await
+    };
+    let pairs: Vec<[usize; 2]> =
+        parsed(&send(&PlacementStep::Prepare { site, cameras, sizes }, &bytes).await?)?;
+    let count = pairs.len();
+    for (index, pair) in pairs.into_iter().enumerate() {
+        send(&PlacementStep::Register(pair), &[]).await?;
+        progress.report(PAIRED * (index + 1) as f64 / count as f64);
+    }
+    parsed(&send(&PlacementStep::Place, &[]).await?)
+}
+
+/// Stops the running search for placements.
+pub(crate) fn stop_placing() {
+    page::dismiss(PLACE);
 }
 
 /// Compares two images of a solved camera in a worker.
