@@ -16,7 +16,6 @@ use crate::widgets::{heading, section};
 /// Shows the panel while an automatic calibration waits for a decision.
 pub fn propose_ui(app: &mut App, ui: &mut Ui) {
     app.editor.find_preview();
-    app.hover.lit_group = None;
     let Some(proposed) = app.shown_proposal().cloned() else { return };
     let mut wish = None;
     section(ui, |ui| {

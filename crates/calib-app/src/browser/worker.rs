@@ -68,8 +68,11 @@ fn run_job(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, St
             let drawing = calib_plan::read(bytes, &view).ok_or("the file is not a drawing")?;
             let Drawing { picture, facts, .. } = drawing.map_err(|error| error.to_string())?;
             let Picture::Svg(svg) = picture else { return Err("the drawing has no lines".into()) };
-            let facts = serde_json::to_vec(&facts).map_err(|error| error.to_string())?;
-            Ok(Array::of2(&Uint8Array::from(&*facts).into(), &Uint8Array::from(svg.as_bytes()).into()))
+            let facts = page::write(&facts)?;
+            Ok(Array::of2(
+                &Uint8Array::from(facts.as_bytes()).into(),
+                &Uint8Array::from(svg.as_bytes()).into(),
+            ))
         }
         other => Err(format!("unknown task {other}")),
     }
@@ -123,8 +126,7 @@ fn two_images_from_bytes(width: u32, bytes: &[u8]) -> Result<[RgbImage; 2], Stri
 
 /// Returns an answer as the bytes of its JSON text.
 fn json_answer(answer: &impl serde::Serialize) -> Result<Array, String> {
-    let text = serde_json::to_vec(answer).map_err(|error| error.to_string())?;
-    Ok(Array::of1(&Uint8Array::from(&*text).into()))
+    Ok(Array::of1(&Uint8Array::from(page::write(answer)?.as_bytes()).into()))
 }
 
 /// Returns an answer with the RGB bytes of an image, its width, and more bytes.

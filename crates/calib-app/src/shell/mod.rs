@@ -134,11 +134,14 @@ fn right(app: &mut App, ui: &mut Ui) {
     }
     distances::out_of_date_ui(app, ui);
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
-        // The page loads the report with its second part.
+        // The page loads these panels with its second part, so they are called only if they are shown.
+        app.hover.lit_group = None;
         if app.dialogs.automatic.is_some() {
             propose::report_ui(app, ui);
         }
-        propose::propose_ui(app, ui);
+        if app.shown_proposal().is_some() {
+            propose::propose_ui(app, ui);
+        }
         compare::panel::compare_ui(app, ui);
         section(ui, |ui| steps::steps_ui(app, ui));
         lens::old_still(app, ui);

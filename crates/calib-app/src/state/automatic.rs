@@ -11,7 +11,7 @@ use image::RgbImage;
 
 use crate::edges::Proposing;
 use crate::platform::{Here, Lost, PlacementRequest, Platform as _, Progress, Task, shrunk};
-use crate::state::App;
+use crate::state::{App, Mode};
 
 /// Longer side of the images from which cameras are placed, in pixels.
 const PLACED_SIDE_PX: u32 = 960;
@@ -280,6 +280,10 @@ impl App {
             }
         }
         report.summary.clone_from(&found.reason);
+        // The plan shows where the cameras are; the operator checks them there.
+        if found.cameras.iter().any(|camera| camera.placement.is_some()) {
+            self.view.mode = Mode::Plan;
+        }
         self.act(Action::PlaceByColours(Box::new((own.from.clone(), found))));
         Ok(None)
     }

@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
 /// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
-const REST: [&str; 128] = [
+const REST: [&str; 132] = [
     // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
@@ -76,12 +76,13 @@ const REST: [&str; 128] = [
     "calib_app::scene3d",
     "calib_app::state::coverage",
     "calib_app::state::measurements",
-    "calib_app::propose::report",
+    "calib_app::propose",
     "calib_app::state::automatic",
     "calib_app::state::video",
     "calib_app::shell::palette",
     "calib_editor::apply::places",
     "calib_editor::apply::proposing",
+    "calib_editor::proposed",
     "calib_editor::tools::control",
     "calib_editor::tools::corners",
     "calib_editor::tools::link",
@@ -99,9 +100,12 @@ const REST: [&str; 128] = [
     "calib_image::proposal",
     "calib_image::bars",
     "calib_image::registration",
+    "calib_image::pull",
     "calib_health",
     "calib_site::recovered",
+    "calib_site::document::Site>::coverage",
     "calib_site::document::Site>::lens_of_window",
+    "calib_site::document::Site>::measure",
     "calib_site::document::Site>::recovered",
     "calib_site::document::Site>::windowed",
     "calib_site::document::Site>::with_start_aspect",

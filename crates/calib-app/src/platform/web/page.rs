@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use calib_editor::world_endings;
 use js_sys::{Array, Function, Promise, Uint8Array};
+use serde::Serialize;
 use serde::de::DeserializeOwned;
 use wasm_bindgen::prelude::*;
 
@@ -16,6 +17,12 @@ use crate::platform::web::pick as pick_files;
 pub(crate) fn read<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, String> {
     let text = str::from_utf8(bytes).map_err(|error| error.to_string())?;
     serde_json::from_str(text).map_err(|error| error.to_string())
+}
+
+/// Writes a JSON message with indentation, as site files are written: a second format would double the
+/// generated code.
+pub(crate) fn write(message: &impl Serialize) -> Result<String, String> {
+    serde_json::to_string_pretty(message).map_err(|error| error.to_string())
 }
 
 /// Opens a file chooser. A saved file is a download, so saving shows no chooser.

@@ -87,7 +87,7 @@ pub(crate) async fn decode(source: Source) -> Result<RgbImage, String> {
 
 /// Reads a DXF drawing in a worker; returns its properties and an SVG document.
 pub(crate) async fn drawing(bytes: &[u8], view: &View) -> Result<(DrawingFacts, Vec<u8>), String> {
-    let view = serde_json::to_string(view).map_err(|error| error.to_string())?;
+    let view = page::write(view)?;
     let answer = request(DRAWING, &view, 0, bytes).await?;
     let facts = page::read(&Uint8Array::new(&answer.get(0)).to_vec())?;
     Ok((facts, Uint8Array::new(&answer.get(1)).to_vec()))
@@ -117,8 +117,8 @@ pub(crate) async fn propose(
     camera: &SiteCamera,
     edges: &[LineSegment],
 ) -> Result<AutomaticCalibration, String> {
-    let asked = serde_json::to_vec(&(camera, edges)).map_err(|error| error.to_string())?;
-    parsed(&request(PROPOSE, "", 0, &asked).await?)
+    let asked = page::write(&(camera, edges))?;
+    parsed(&request(PROPOSE, "", 0, asked.as_bytes()).await?)
 }
 
 /// Stops the running automatic calibration.
@@ -133,10 +133,7 @@ pub(crate) async fn place(asked: PlacementRequest, progress: &Progress) -> Resul
     let PlacementRequest { site, cameras, images } = asked;
     let sizes = images.iter().map(RgbImage::dimensions).collect();
     let bytes: Vec<u8> = images.into_iter().flat_map(RgbImage::into_raw).collect();
-    let send = async |step: &PlacementStep, bytes: &[u8]| {
-        let step = serde_json::to_string(step).map_err(|error| error.to_string())?;
-        request(PLACE, &step, 0, bytes).await
-    };
+    let send = async |step: &PlacementStep, bytes: &[u8]| request(PLACE, &page::write(step)?, 0, bytes).await;
     let pairs: Vec<[usize; 2]> =
         parsed(&send(&PlacementStep::Prepare { site, cameras, sizes }, &bytes).await?)?;
     let count = pairs.len();
@@ -168,9 +165,8 @@ async fn request_with_images(
     asked: &impl serde::Serialize,
     [old, new]: &Stills,
 ) -> Result<Array, String> {
-    let asked = serde_json::to_string(asked).map_err(|error| error.to_string())?;
     let bytes = [old.as_raw().as_slice(), new.as_raw().as_slice()].concat();
-    request(kind, &asked, old.width(), &bytes).await
+    request(kind, &page::write(asked)?, old.width(), &bytes).await
 }
 
 /// Stops the running comparison and recovery.
