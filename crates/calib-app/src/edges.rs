@@ -181,6 +181,8 @@ impl Drop for Proposing {
 }
 
 /// Returns the result of a task that has ended; a panic becomes an error.
-fn finished_result<T: Send + 'static>(task: &Task<Result<T, String>>) -> Option<Result<T, String>> {
+pub(crate) fn finished_result<T: Send + 'static>(
+    task: &Task<Result<T, String>>,
+) -> Option<Result<T, String>> {
     Some(task.outcome()?.map_err(|Lost| "internal error; please report this".to_owned()).flatten())
 }

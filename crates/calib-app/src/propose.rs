@@ -9,7 +9,7 @@ use egui::{Color32, ComboBox, RichText, Ui, WidgetInfo};
 
 use crate::command::Command;
 use crate::icons::{self, Icon};
-use crate::state::{App, AutomaticRow, Mode};
+use crate::state::{App, AutomaticRow, Mode, RowPlacement};
 use crate::theme;
 use crate::widgets::{heading, section};
 
@@ -46,57 +46,70 @@ pub fn propose_ui(app: &mut App, ui: &mut Ui) {
 
 /// Shows the result of the automatic calibration and placement of all cameras.
 pub(crate) fn report_ui(app: &mut App, ui: &mut Ui) {
-    let Some(report) = app.dialogs.automatic.clone() else { return };
-    let (mut is_closed, mut chosen) = (false, None);
+    let Some(report) = app.dialogs.automatic.take() else { return };
+    let (mut is_closed, mut chosen, mut shows_plan) = (false, None, false);
     section(ui, |ui| {
         let rows = report.rows.iter().filter(|row| row.calibration.is_some() || row.placement.is_some());
-        heading(ui, "Automatic calibration", &counted(rows.clone().count(), "camera", "cameras"));
+        heading(ui, "All cameras", &counted(rows.clone().count(), "camera", "cameras"));
         for row in rows {
             if report_row(ui, row) {
                 chosen = row.of.index(app.editor.site());
             }
         }
         if !report.summary.is_empty() {
-            ui.label(format!("Places: {}.", report.summary));
+            ui.label(format!("Positions: {}.", report.summary));
         }
-        is_closed = ui.button("Close").clicked();
+        ui.horizontal_wrapped(|ui| {
+            let is_placed = |row: &AutomaticRow| matches!(row.placement, Some((RowPlacement::Placed, _)));
+            if report.rows.iter().any(is_placed) && app.view.mode != Mode::Plan {
+                shows_plan = ui.button("Show on the plan").clicked();
+            }
+            is_closed = ui.button("Close").clicked();
+        });
     });
-    if is_closed {
-        app.dialogs.automatic = None;
+    if !is_closed {
+        app.dialogs.automatic = Some(report);
     }
     if let Some(camera) = chosen {
         app.send(Action::CancelGesture);
         app.send(Action::SelectCamera(camera));
-        app.view.mode = Mode::Image;
+        app.show(Mode::Image);
+    }
+    if shows_plan {
+        app.show(Mode::Plan);
     }
 }
 
 /// Shows the result of one camera; returns whether its name was clicked.
 fn report_row(ui: &mut Ui, row: &AutomaticRow) -> bool {
     let palette = theme::palette(ui.ctx());
-    let (confidence, why) =
-        row.calibration.as_ref().map_or((None, ""), |(confidence, why)| (Some(*confidence), why.as_str()));
-    let calibrated = match confidence {
-        Some(Confidence::Sure) => Some("calibrated"),
-        Some(Confidence::Check) => Some("calibrated; check it"),
-        Some(Confidence::None) => Some("not calibrated"),
-        None => None,
-    };
-    let placed = row.placement.as_ref().filter(|_| confidence != Some(Confidence::None));
-    let place = placed.map(|(is_placed, _)| if *is_placed { "placed; check it" } else { "not placed" });
-    let is_bad = confidence == Some(Confidence::None) || placed.is_some_and(|(is_placed, _)| !is_placed);
-    let (icon, colour) = if is_bad { (Icon::Warn, palette.warn) } else { (Icon::Check, palette.ok) };
+    let confidence = row.calibration.as_ref().map(|(confidence, _)| *confidence);
+    let is_calibrated = confidence.is_none_or(|confidence| confidence != Confidence::None);
+    let calibrated = confidence.map(|confidence| match confidence {
+        Confidence::Sure => "calibrated",
+        Confidence::Check => "probably calibrated",
+        Confidence::None => "not calibrated",
+    });
+    let placement = row.placement.as_ref().filter(|_| is_calibrated);
+    let placed = placement.map(|(placement, _)| match placement {
+        RowPlacement::Placed => "probably placed",
+        RowPlacement::Kept => "already placed",
+        RowPlacement::Unknown => "not placed",
+    });
+    let is_certain = confidence.is_none_or(|confidence| confidence == Confidence::Sure)
+        && placement.is_none_or(|(placement, _)| *placement == RowPlacement::Kept);
+    let (icon, colour) = if is_certain { (Icon::Check, palette.ok) } else { (Icon::Warn, palette.warn) };
     let name = ui
         .horizontal_wrapped(|ui| {
             icons::inline(ui, icon, colour);
             let name = ui.link(RichText::new(&row.of.camera).font(theme::medium(12.0)));
-            let words: Vec<&str> = calibrated.into_iter().chain(place).collect();
+            let words: Vec<&str> = calibrated.into_iter().chain(placed).collect();
             ui.label(RichText::new(words.join(", ")).color(palette.text2));
             name
         })
         .inner;
-    let placement = placed.map_or("", |(_, why)| why.as_str());
-    for why in [why, placement].into_iter().filter(|why| !why.is_empty()) {
+    let reasons = [row.calibration.as_ref().map(|(_, why)| why), placement.map(|(_, why)| why)];
+    for why in reasons.into_iter().flatten().filter(|why| !why.is_empty()) {
         ui.label(RichText::new(sentence(why)).small().color(palette.text2));
     }
     name.on_hover_text("Show this camera").clicked()

@@ -7,7 +7,7 @@ mod desk;
 
 use calib_app::storage::demo;
 use calib_core::{Annotation, Camera, Kind, Orientation};
-use calib_editor::{Action, Hypothesis, Images, Pane, Period};
+use calib_editor::{Action, AutomaticResult, Hypothesis, Images, Pane, Period};
 use calib_image::{AutomaticCalibration, Confidence, EdgeClass, EdgeImage, LineSegment};
 use calib_site::{Options, PrincipalPointEntry, Site, SiteCamera, Solution};
 use desk::Desk;
@@ -134,8 +134,10 @@ fn proposed() -> Desk {
     let nothing = AutomaticCalibration::new(&EdgeImage::new(Vec::new(), [1920, 1080]));
     let proposal =
         AutomaticCalibration { confidence: Confidence::Check, reasons: Vec::new(), groups, ..nothing };
-    desk.app()
-        .act(Action::SetAutomaticCalibration(Period { camera: "a".into(), from: None }, Box::new(proposal)));
+    desk.app().act(Action::Automatic(AutomaticResult::Calibration(
+        Period { camera: "a".into(), from: None },
+        Box::new(proposal),
+    )));
     desk.harness.run_steps(3);
     desk
 }
@@ -227,7 +229,10 @@ fn one_key_calibrates_and_places_all_cameras() {
     desk.wait(|app| !app.is_working());
     desk.harness.run_steps(3);
     let words = desk.words().join("\n");
-    assert!(words.contains("3 of 4 cameras are placed") && words.contains("not placed"), "{words}");
+    assert!(
+        words.contains("3 of 4 cameras are placed by colours") && words.contains("not placed"),
+        "{words}"
+    );
     let pose = |id: &str, found: &Desk| {
         let session = found.harness.state().editor.session();
         let index = session.site.cameras.iter().position(|camera| camera.id == id).unwrap();
@@ -256,6 +261,21 @@ fn one_key_calibrates_and_places_all_cameras() {
 }
 
 #[test]
+fn calibration_of_all_cameras_ends_when_another_site_is_opened() {
+    let (site, images) = blank();
+    let mut desk = Desk::with(site.clone(), images);
+    desk.keys(Modifiers::SHIFT, Key::A);
+    while !desk.words().join("\n").contains("calibrating image 2 of 6") {
+        desk.harness.run_steps(1);
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    desk.app().open_site(site.clone(), Images::default(), None);
+    desk.harness.run_steps(3);
+    assert!(desk.site().cameras == site.cameras);
+    assert!(!desk.words().join("\n").contains("calibrating image"));
+}
+
+#[test]
 fn calibration_of_all_cameras_can_be_cancelled_and_keeps_finished_ones() {
     let (site, images) = blank();
     let mut desk = Desk::with(site, images);
@@ -268,7 +288,7 @@ fn calibration_of_all_cameras_can_be_cancelled_and_keeps_finished_ones() {
     desk.wait(|app| !app.is_working());
     desk.harness.run_steps(2);
     let note = desk.app().editor.session().note.clone().unwrap();
-    assert!(note.contains("1 of 6 images were calibrated"), "{note}");
+    assert!(note.contains("1 image was calibrated"), "{note}");
     let session = desk.harness.state().editor.session();
     let done = |camera: &&SiteCamera| !camera.annotations.is_empty();
     assert!(session.site.cameras.iter().filter(done).count() <= 1);

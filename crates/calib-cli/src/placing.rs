@@ -1,6 +1,6 @@
 //! Cameras of automatically calibrated images, placed relative to each other by the colours of the images.
 
-use calib_image::{PairDecision, PlacementSearch, SitePlacement};
+use calib_image::{PairDecision, PlacementSearch, SitePlacement, shrunk};
 use calib_site::Site;
 use image::RgbImage;
 
@@ -19,12 +19,17 @@ pub(crate) fn place(
         Err(reason) => return Ok(SitePlacement::refused(site, reason)),
     };
     let _pulse = Pulse::new("placing the cameras");
-    let images = cameras.iter().map(|&index| read(index)).collect::<Result<Vec<_>, _>>()?;
+    let reduced = |&index: &usize| {
+        let image = read(index)?;
+        Ok(shrunk(&image, PlacementSearch::SIDE_PX).unwrap_or(image))
+    };
+    let images = cameras.iter().map(reduced).collect::<Result<Vec<_>, CommandError>>()?;
     let search = PlacementSearch::new(site, &cameras, &images);
     drop(images);
     let pairs = threads.run(search.pairs(), |pair| Ok::<_, CommandError>(search.register(pair)), |_| ())?;
     let placement = search.place(site, &pairs, &mut |_| true);
-    Ok(placement.unwrap_or_else(|| SitePlacement::refused(site, "the placement was cancelled".into())))
+    // The progress function never cancels.
+    Ok(placement.unwrap_or_else(|| SitePlacement::refused(site, "the search was cancelled".into())))
 }
 
 /// Returns the lines of the text report.

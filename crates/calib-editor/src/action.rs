@@ -7,7 +7,6 @@ use calib_core::{Annotation, ImageCircle, MarkKind, Placement};
 
 use calib_core::single::Known;
 
-use calib_image::{AutomaticCalibration, SitePlacement};
 use calib_site::{ControlPointEntry, Distance, GroundPoint, LensEntry, Link, Mark, Plan, Site};
 use image::RgbImage;
 
@@ -17,7 +16,7 @@ use crate::images::Images;
 use crate::newer::NewerAction;
 use crate::period::Period;
 use crate::planes::PlaneAction;
-use crate::proposed::CalibrationDecision;
+use crate::proposed::{AutomaticResult, CalibrationDecision};
 use crate::session::RulerSettings;
 use crate::tools::{Pane, Pointer};
 
@@ -138,13 +137,8 @@ pub enum Action {
     /// Applies a command to the annotations of the selected camera.
     Lines(Lines),
 
-    /// Stores the automatic calibration of the image of a calibration period.
-    SetAutomaticCalibration(Period, Box<AutomaticCalibration>),
-    /// Accepts automatic calibrations of several images, except those with the confidence `none`, which stay
-    /// undecided.
-    SetAutomaticCalibrations(Vec<(Period, AutomaticCalibration)>),
-    /// Applies the placements that were found by colours: the site at the start of the search, and the result.
-    PlaceByColours(Box<(Site, SitePlacement)>),
+    /// Applies the result of an automatic calibration or placement.
+    Automatic(AutomaticResult),
     /// Applies a decision of the operator about the automatic calibration of the selected camera.
     DecideCalibration(CalibrationDecision),
     /// Applies a command to the automatic calibration of the selected camera.

@@ -75,7 +75,9 @@ pub use import::{import_any, is_importable, plan_from_world_file, world_endings}
 pub use keys::{Key, Modifiers, Shortcut};
 pub use newer::{NewerAction, NewerImage, NewerUnderPointer, valid_since};
 pub use period::Period;
-pub use proposed::{CalibrationDecision, Hypothesis, PendingCalibration, PendingGroup, Preview};
+pub use proposed::{
+    AutomaticResult, CalibrationDecision, Hypothesis, PendingCalibration, PendingGroup, Preview,
+};
 pub use refine::refined;
 pub use session::{LiveSolve, PendingLines, Revision, RulerSettings, Session, ToolSettings, corners_of};
 pub use solved::Solved;

@@ -13,7 +13,7 @@
 use std::borrow::Cow;
 
 use calib_core::{Annotation, Camera, Kind, Lens, Orientation, Pixel};
-use calib_image::{AutomaticCalibration, Confidence, EdgeClass, Group, Reason};
+use calib_image::{AutomaticCalibration, Confidence, EdgeClass, Group, Reason, SitePlacement};
 use calib_site::{DistortionEntry, LensEntry, Options, PrincipalPointEntry, Site, SiteCamera, Solution};
 
 use crate::period::Period;
@@ -146,6 +146,18 @@ pub struct PendingCalibration {
     perpendicular_pairs: Vec<[String; 2]>,
     /// Distortion that was assumed when the lines were detected.
     distortion: Option<DistortionEntry>,
+}
+
+/// Result of an automatic calibration or placement.
+#[derive(Clone, Debug)]
+pub enum AutomaticResult {
+    /// Calibration of the image of a calibration period, to be stored as undecided.
+    Calibration(Period, Box<AutomaticCalibration>),
+    /// Calibrations of several images. They are accepted, except those with the confidence `none`, which stay
+    /// undecided.
+    Calibrations(Vec<(Period, AutomaticCalibration)>),
+    /// Placements that were estimated from the colours of the images of the site.
+    Placement(Box<SitePlacement>),
 }
 
 /// Camera that would explain the edges of an image, as an alternative to the best one.

@@ -230,7 +230,7 @@ impl Session {
         self.pending.picked_line
     }
 
-    /// Returns the selected camera as the input of an automatic calibration: without annotations, with its
+    /// Returns the camera with this index as the input of an automatic calibration: without annotations, with its
     /// lens fixed if known.
     #[must_use]
     pub fn without_annotations(&self, camera: usize) -> Option<SiteCamera> {

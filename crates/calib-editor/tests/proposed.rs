@@ -5,7 +5,8 @@
 use calib_core::{Kind, Orientation, Pixel};
 
 use calib_editor::{
-    Action, CalibrationDecision, Editor, Images, NewImage, Opened, Pane, Period, Phase, Pointer, command,
+    Action, AutomaticResult, CalibrationDecision, Editor, Images, NewImage, Opened, Pane, Period, Phase,
+    Pointer, command,
 };
 use calib_image::{Alternative, AutomaticCalibration, Confidence, EdgeClass, EdgeImage, Group, Reason};
 use calib_site::{Site, SiteCamera};
@@ -61,7 +62,10 @@ fn proposal() -> AutomaticCalibration {
 fn proposed() -> Editor {
     let mut editor = opened(blank());
     let camera = editor.site().cameras[0].id.clone();
-    editor.apply(Action::SetAutomaticCalibration(Period { camera, from: None }, Box::new(proposal())));
+    editor.apply(Action::Automatic(AutomaticResult::Calibration(
+        Period { camera, from: None },
+        Box::new(proposal()),
+    )));
     editor
 }
 
@@ -99,7 +103,7 @@ fn operator_chooses_between_two_equally_good_cameras() {
         let groups = [own.groups.len(), rival.groups.len()];
         let own =
             AutomaticCalibration { confidence: Confidence::None, reasons, alternative: Some(rival), ..own };
-        editor.apply(Action::SetAutomaticCalibration(of, Box::new(own)));
+        editor.apply(Action::Automatic(AutomaticResult::Calibration(of, Box::new(own))));
         do_it(&mut editor, CalibrationDecision::AcceptAll);
         let note = editor.session().note.clone().unwrap();
         assert!(note.contains("Choose one") && editor.site().cameras[0].annotations.is_empty(), "{note}");
@@ -231,7 +235,10 @@ fn annotated_lines_are_not_detected_again() {
     let count = editor.session().proposed().unwrap().count();
     do_it(&mut editor, CalibrationDecision::Accept(0));
     let camera = editor.site().cameras[0].id.clone();
-    editor.apply(Action::SetAutomaticCalibration(Period { camera, from: None }, Box::new(proposal())));
+    editor.apply(Action::Automatic(AutomaticResult::Calibration(
+        Period { camera, from: None },
+        Box::new(proposal()),
+    )));
     let drawn =
         editor.site().cameras[0].annotations.iter().flat_map(calib_core::Annotation::polylines).count();
     assert!(drawn > 0);
@@ -259,7 +266,10 @@ fn uncertain_result_can_only_be_accepted_by_group() {
     let mut editor = opened(blank());
     let camera = editor.site().cameras[0].id.clone();
     let unsure = AutomaticCalibration { confidence: Confidence::None, ..proposal() };
-    editor.apply(Action::SetAutomaticCalibration(Period { camera, from: None }, Box::new(unsure)));
+    editor.apply(Action::Automatic(AutomaticResult::Calibration(
+        Period { camera, from: None },
+        Box::new(unsure),
+    )));
     let groups = kinds(&editor).len();
     do_it(&mut editor, CalibrationDecision::AcceptAll);
     assert!(editor.site().cameras[0].annotations.is_empty() && kinds(&editor).len() == groups);

@@ -32,6 +32,7 @@ pub mod edges;
 mod image_circle;
 mod bars;
 mod empty_scene;
+mod shrunk;
 mod proposal;
 mod compare;
 mod registration;
@@ -53,3 +54,4 @@ pub use registration::{
     CameraPlacement, PairAgreement, PairDecision, PairPlacement, PairRegistration, PlacementSearch,
     SiteColours, SitePlacement, SiteRegistration, View, join, register, register_pair,
 };
+pub use shrunk::shrunk;

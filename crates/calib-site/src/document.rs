@@ -509,8 +509,8 @@ document! {
         /// `height_m`.
         #[serde(default, skip_serializing_if = "FixedEntry::is_empty")]
         held: FixedEntry,
-        /// Whether a joint solve computed the placement. It is then a start value: its scale is not evidence
-        /// of the height.
+        /// Whether a joint solve or an automatic search estimated the placement. It is then a start value: its
+        /// scale is not evidence of the height.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         estimated: bool,
     }

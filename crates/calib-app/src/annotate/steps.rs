@@ -181,7 +181,8 @@ pub(crate) fn steps_ui(app: &mut App, ui: &mut Ui) {
     {
         app.send(Action::SelectTool(tool));
     }
-    let waits = app.jobs.proposing.is_none() && app.editor.session().proposed().is_none();
+    let is_working = app.jobs.proposing.is_some() || app.jobs.automatic.is_some();
+    let waits = !is_working && app.editor.session().proposed().is_none();
     if is_blank
         && waits
         && ui
@@ -191,7 +192,7 @@ pub(crate) fn steps_ui(app: &mut App, ui: &mut Ui) {
     {
         app.send_command(Command::Propose);
     }
-    if waits && app.jobs.automatic.is_none() && app.blank_cameras().nth(1).is_some() {
+    if waits && app.blank_cameras().nth(1).is_some() {
         let button = ui.button("Calibrate all images   Shift+A");
         let tip = "Calibrate every image without lines, and place the cameras relative to each other";
         if button.on_hover_text(tip).clicked() {

@@ -17,7 +17,7 @@ use crate::browser::shelf::Database;
 use crate::command::{self, Command};
 use crate::platform::Task;
 use crate::platform::web::{breath, page, read_all};
-use crate::state::App;
+use crate::state::{App, Automatic};
 use crate::theme;
 
 /// Request that the web page sends to the app.
@@ -285,6 +285,7 @@ fn report(app: &App) -> Value {
         "reading": app.pictures.loading() + app.edges.pending() + app.jobs.arriving.len(),
         "refining": app.jobs.refining.is_some(),
         "proposing": app.jobs.proposing.is_some(),
+        "automatic": app.jobs.automatic.as_ref().map(Automatic::doing),
         "proposed": session.proposed().map(|own| json!({"verdict": own.confidence.name(), "lines": own.count()})),
         "comparing": app.is_comparing(),
         "newer": app.editor.selected_newer().map(|own| own.comparison.change.name()),

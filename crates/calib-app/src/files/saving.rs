@@ -9,7 +9,7 @@ use calib_site::{Site, counted};
 use crate::choice::Purpose;
 use crate::edges::Proposing;
 use crate::platform::{Here, Platform as _};
-use crate::state::{App, Automatic, Comparing, Conflict, Decision, Outside, Panes, Sheet, Tour, Why};
+use crate::state::{App, Comparing, Conflict, Decision, Outside, Panes, Sheet, Tour, Why};
 use crate::storage::autosave::{self, Autosave, Found, News, Recent, Work};
 use crate::storage::files;
 
@@ -37,6 +37,7 @@ impl App {
         self.jobs.importing.clear();
         (self.jobs.replacing, self.jobs.planning, self.jobs.refining, self.dialogs.dialog) =
             (None, None, None, None);
+        (self.jobs.proposing, self.jobs.automatic, self.dialogs.automatic) = (None, None, None);
         self.jobs.video = None;
         self.jobs.videos.clear();
         self.stop_comparing();
@@ -266,9 +267,11 @@ impl App {
         let images = &self.editor.session().images;
         let compared = self.jobs.comparing.iter_mut().flat_map(Comparing::images_mut);
         let proposed = self.jobs.proposing.iter_mut().flat_map(Proposing::images_mut);
-        let automatic = self.jobs.automatic.iter_mut().flat_map(Automatic::images_mut);
-        for name in compared.chain(proposed).chain(automatic) {
+        for name in compared.chain(proposed) {
             *name = images.rebased_name(name, folder);
+        }
+        if let Some(automatic) = &mut self.jobs.automatic {
+            automatic.rebase(images, folder);
         }
     }
 

@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use calib_editor::{AllowedFiles, Edge, FileResult, Source};
-use calib_image::{AutomaticCalibration, Comparison, EmptyScene, LineSegment, SitePlacement};
+use calib_image::{AutomaticCalibration, Comparison, EmptyScene, LineSegment, SitePlacement, shrunk};
 use calib_plan::View;
 use calib_site::{NewImage, Recovered, Site, SiteCamera};
 use egui::Context;
@@ -118,14 +118,6 @@ impl VideoContent {
             }
         }
     }
-}
-
-/// Returns a smaller copy of an image whose longer side is above `max_side` pixels; `None` for other images.
-pub(crate) fn shrunk(image: &RgbImage, max_side: u32) -> Option<RgbImage> {
-    let (width, height) = image.dimensions();
-    let scale = f64::from(max_side) / f64::from(width.max(height));
-    let [width, height] = [width, height].map(|side| ((f64::from(side) * scale).round() as u32).max(1));
-    (scale < 1.0).then(|| image::imageops::thumbnail(image, width, height))
 }
 
 /// Progress of background work, and its cancellation.

@@ -359,7 +359,6 @@ impl App {
     pub fn close_sheets(&mut self) -> bool {
         let exported = self.dialogs.export.close();
         let was_asked = self.dialogs.conflict.take().is_some()
-            | self.dialogs.automatic.take().is_some()
             | self.dialogs.path_field.take().is_some()
             | self.jobs.video.take().is_some()
             | !self.dialogs.outside.asked.is_empty();

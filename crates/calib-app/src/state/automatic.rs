@@ -1,27 +1,25 @@
 //! Automatic calibration and placement of all cameras of a site.
 
 use std::collections::VecDeque;
+use std::path::Path;
 use std::sync::Arc;
 
-use calib_editor::{Action, Period};
-use calib_image::{AutomaticCalibration, Confidence, PlacementSearch, SitePlacement};
+use calib_editor::{Action, AutomaticResult, Images, Period};
+use calib_image::{AutomaticCalibration, Confidence, PlacementSearch, SitePlacement, shrunk};
 use calib_site::{Site, SiteCamera, counted};
 use egui::Context;
 use image::RgbImage;
 
-use crate::edges::Proposing;
-use crate::platform::{Here, Lost, PlacementRequest, Platform as _, Progress, Task, shrunk};
-use crate::state::{App, Mode};
-
-/// Longer side of the images from which cameras are placed, in pixels.
-const PLACED_SIDE_PX: u32 = 960;
+use crate::edges::{Proposing, finished_result};
+use crate::platform::{Here, PlacementRequest, Platform as _, Progress, Task};
+use crate::state::App;
 
 /// Result of the automatic calibration and placement of all cameras, for the operator.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct AutomaticReport {
     /// Result of each camera.
     pub(crate) rows: Vec<AutomaticRow>,
-    /// What is known of the placement of all cameras.
+    /// Summary of the placement, or the reason why no camera is placed.
     pub(crate) summary: String,
 }
 
@@ -32,8 +30,19 @@ pub(crate) struct AutomaticRow {
     pub(crate) of: Period,
     /// Confidence of the automatic calibration and its reason; `None` if the camera was not calibrated now.
     pub(crate) calibration: Option<(Confidence, String)>,
-    /// Whether the camera was placed now, and the reason; `None` if its place was not searched.
-    pub(crate) placement: Option<(bool, String)>,
+    /// Result of the placement and its reason; `None` if the position was not searched.
+    pub(crate) placement: Option<(RowPlacement, String)>,
+}
+
+/// Result of the placement of a camera.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum RowPlacement {
+    /// The camera was placed now.
+    Placed,
+    /// The camera was already placed.
+    Kept,
+    /// The position is unknown.
+    Unknown,
 }
 
 /// Automatic calibration and placement that is running.
@@ -47,6 +56,8 @@ pub(crate) struct Automatic {
 enum Step {
     /// Calibration of the images, one after the other.
     Calibrating(Box<Calibrating>),
+    /// End of the calibrations. The site is solved before the next step.
+    Calibrated,
     /// Decoding of the images of the cameras that are placed.
     Reading(Box<Reading>),
     /// Search of the placements.
@@ -58,9 +69,17 @@ struct Calibrating {
     /// Camera entries without annotations, and their images, that are calibrated next.
     waiting: VecDeque<(SiteCamera, String)>,
     running: Option<Proposing>,
-    found: Vec<(Period, AutomaticCalibration)>,
+    found: Vec<Found>,
     /// Number of images.
     count: usize,
+}
+
+/// Automatic calibration of an image.
+#[derive(Debug)]
+struct Found {
+    of: Period,
+    image: String,
+    calibration: AutomaticCalibration,
 }
 
 #[derive(Debug)]
@@ -97,6 +116,7 @@ impl Automatic {
             Step::Calibrating(own) => {
                 format!("calibrating image {} of {}", (own.count - own.waiting.len()).max(1), own.count)
             }
+            Step::Calibrated => "calibrating".into(),
             Step::Reading(own) => {
                 format!("reading {}", counted(own.cameras.len(), "image", "images"))
             }
@@ -108,17 +128,23 @@ impl Automatic {
         }
     }
 
-    /// Returns the image names in the running work, to rename them after a save to another folder.
-    pub(crate) fn images_mut(&mut self) -> impl Iterator<Item = &mut String> {
-        let own = match &mut self.step {
-            Step::Calibrating(own) => Some(own),
-            _ => None,
-        };
-        own.into_iter().flat_map(|own| {
-            let waiting = own.waiting.iter_mut();
-            let waiting = waiting.flat_map(|(camera, image)| camera.image.iter_mut().chain([image]));
-            waiting.chain(own.running.iter_mut().flat_map(Proposing::images_mut))
-        })
+    /// Renames the images after a save of the site to another folder.
+    pub(crate) fn rebase(&mut self, images: &Images, folder: &Path) {
+        let rename = |name: &mut String| *name = images.rebased_name(name, folder);
+        match &mut self.step {
+            Step::Calibrating(own) => {
+                let waiting = own.waiting.iter_mut();
+                waiting.flat_map(|(camera, image)| camera.image.iter_mut().chain([image])).for_each(rename);
+                own.running.iter_mut().flat_map(Proposing::images_mut).for_each(rename);
+                own.found.iter_mut().map(|found| &mut found.image).for_each(rename);
+            }
+            Step::Calibrated => {}
+            Step::Reading(own) => {
+                own.from = images.rebased(&own.from, folder);
+                own.solved = images.rebased(&own.solved, folder);
+            }
+            Step::Placing(own) => own.from = images.rebased(&own.from, folder),
+        }
     }
 }
 
@@ -127,6 +153,10 @@ impl App {
     pub(crate) fn calibrate_all(&mut self) {
         if self.jobs.automatic.is_some() {
             return;
+        }
+        if self.jobs.proposing.is_some() {
+            let note = "An image is being calibrated. Wait for the result, or cancel it first.";
+            return self.act(Action::Note(note.into()));
         }
         self.act(Action::CancelGesture);
         self.dialogs.automatic = None;
@@ -147,23 +177,23 @@ impl App {
     /// Cancels the automatic calibration and placement. The calibrations that are finished remain.
     pub(crate) fn stop_automatic(&mut self) {
         let Some(Automatic { mut report, step }) = self.jobs.automatic.take() else { return };
-        let note = match step {
-            Step::Calibrating(own) => {
-                let (done, count) = (own.found.len(), own.count);
-                self.keep_calibrations(&mut report, own.found);
-                format!("Cancelled. {done} of {count} images were calibrated.")
-            }
-            _ => "Cancelled. No camera was placed.".into(),
-        };
-        self.act(Action::Note(note));
+        if let Step::Calibrating(own) = step {
+            self.keep_calibrations(&mut report, own.found);
+        }
+        let calibrated = report.rows.iter().filter(|row| row.is_calibrated()).count();
+        report.summary = "the search was cancelled".into();
+        self.dialogs.automatic = Some(report);
+        let images = counted(calibrated, "image was", "images were");
+        self.act(Action::Note(format!("Cancelled. {images} calibrated, and no camera was placed.")));
     }
 
     /// Advances the automatic calibration and placement.
     pub(crate) fn poll_automatic(&mut self, ctx: &Context) {
         let Some(Automatic { mut report, step }) = self.jobs.automatic.take() else { return };
         let next = match step {
-            Step::Calibrating(own) => self.advance_calibrating(ctx, &mut report, own),
-            Step::Reading(own) => self.advance_reading(ctx, own),
+            Step::Calibrating(own) => Ok(Some(self.advance_calibrating(ctx, &mut report, own))),
+            Step::Calibrated => self.begin_placing().map(|reading| Some(Step::Reading(Box::new(reading)))),
+            Step::Reading(own) => self.advance_reading(ctx, &mut report, own).map(Some),
             Step::Placing(own) => self.advance_placing(ctx, &mut report, own),
         };
         match next {
@@ -181,53 +211,55 @@ impl App {
         ctx: &Context,
         report: &mut AutomaticReport,
         mut own: Box<Calibrating>,
-    ) -> Result<Option<Step>, String> {
+    ) -> Step {
         let Some(running) = own.running.as_mut() else {
+            ctx.request_repaint();
             let Some((camera, image)) = own.waiting.pop_front() else {
                 self.keep_calibrations(report, own.found);
-                return self.begin_placing().map(|reading| Some(Step::Reading(Box::new(reading))));
+                return Step::Calibrated;
             };
             own.running = Some(Proposing::new(camera, image));
-            ctx.request_repaint();
-            return Ok(Some(Step::Calibrating(own)));
+            return Step::Calibrating(own);
         };
-        let name = running.image().to_owned();
+        let image = running.image().to_owned();
         let images = &self.editor.session().images;
-        let picture = self.pictures.get(ctx, &name, || images.reader(&name));
+        let picture = self.pictures.get(ctx, &image, || images.reader(&image));
         let picture = picture.map(|picture| Arc::clone(&picture.image));
-        let result = match self.pictures.error(&name) {
-            Some(error) => Some(Err(format!("the image could not be read: {error}"))),
+        let result = match self.pictures.error(&image) {
+            Some(error) => Some(Err(unreadable(error))),
             None => running.poll(ctx, picture.as_ref()),
         };
         let of = running.of();
         match result {
-            None => return Ok(Some(Step::Calibrating(own))),
-            Some(Ok(calibration)) => own.found.push((of, calibration)),
-            Some(Err(error)) => {
-                if let Some(row) = report.row(&of) {
-                    row.calibration = Some((Confidence::None, error));
-                }
-            }
+            None => return Step::Calibrating(own),
+            Some(Ok(calibration)) => own.found.push(Found { of, image, calibration }),
+            Some(Err(error)) => report.set_calibration(&of, Confidence::None, error),
         }
         own.running = None;
         ctx.request_repaint();
-        Ok(Some(Step::Calibrating(own)))
+        Step::Calibrating(own)
     }
 
-    /// Writes the finished calibrations into the site and the report.
-    fn keep_calibrations(
-        &mut self,
-        report: &mut AutomaticReport,
-        found: Vec<(Period, AutomaticCalibration)>,
-    ) {
-        for (of, calibration) in &found {
-            if let Some(row) = report.row(of) {
+    /// Writes the finished calibrations into the site and the report. Cameras that were removed or annotated,
+    /// or whose image was replaced, are unchanged.
+    fn keep_calibrations(&mut self, report: &mut AutomaticReport, found: Vec<Found>) {
+        let mut usable = Vec::new();
+        for Found { of, image, calibration } in found {
+            let site = self.editor.site();
+            let entry = of.index(site).map(|index| &site.cameras[index]);
+            let is_same =
+                |entry: &&SiteCamera| entry.image.as_ref() == Some(&image) && entry.annotations.is_empty();
+            if entry.filter(is_same).is_some() {
                 let reasons: Vec<String> = calibration.reasons.iter().map(ToString::to_string).collect();
-                row.calibration = Some((calibration.confidence, reasons.join("; ")));
+                report.set_calibration(&of, calibration.confidence, reasons.join("; "));
+                usable.push((of, calibration));
+            } else {
+                let why = "the camera was changed during the search".into();
+                report.set_calibration(&of, Confidence::None, why);
             }
         }
-        if !found.is_empty() {
-            self.act(Action::SetAutomaticCalibrations(found));
+        if !usable.is_empty() {
+            self.act(Action::Automatic(AutomaticResult::Calibrations(usable)));
         }
     }
 
@@ -239,26 +271,38 @@ impl App {
         Ok(Reading { from: session.site.clone(), solved, cameras, images: Vec::new() })
     }
 
-    fn advance_reading(&mut self, ctx: &Context, mut own: Box<Reading>) -> Result<Option<Step>, String> {
-        while let Some(&camera) = own.cameras.get(own.images.len()) {
+    /// Reads the next image, and starts the search after the last one.
+    fn advance_reading(
+        &mut self,
+        ctx: &Context,
+        report: &mut AutomaticReport,
+        mut own: Box<Reading>,
+    ) -> Result<Step, String> {
+        if let Some(&camera) = own.cameras.get(own.images.len()) {
             let entry = &own.solved.cameras[camera];
             let name = entry.image.as_deref().unwrap_or_default();
             let images = &self.editor.session().images;
             let picture = self.pictures.get(ctx, name, || images.reader(name));
-            let image = picture.map(|picture| {
-                shrunk(&picture.image, PLACED_SIDE_PX).unwrap_or_else(|| (*picture.image).clone())
-            });
+            let image = picture.map(|picture| Arc::clone(&picture.image));
             if let Some(error) = self.pictures.error(name) {
-                return Err(format!("the image of {} could not be read: {error}", entry.id));
+                report.set_placement(&Period::from_camera(entry), RowPlacement::Unknown, unreadable(error));
+                own.cameras.retain(|&other| other != camera);
+                if own.cameras.len() < 2 {
+                    return Err("fewer than two images could be read".into());
+                }
+                ctx.request_repaint();
+            } else if let Some(image) = image {
+                let small = shrunk(&image, PlacementSearch::SIDE_PX);
+                own.images.push(small.unwrap_or_else(|| (*image).clone()));
+                ctx.request_repaint();
             }
-            let Some(image) = image else { return Ok(Some(Step::Reading(own))) };
-            own.images.push(image);
+            return Ok(Step::Reading(own));
         }
         let progress = Arc::new(Progress::default());
         let count = own.cameras.len();
         let asked = PlacementRequest { site: own.solved, cameras: own.cameras, images: own.images };
         let task = Here::place(ctx, asked, &progress);
-        Ok(Some(Step::Placing(Box::new(Placing { from: own.from, task, progress, count }))))
+        Ok(Step::Placing(Box::new(Placing { from: own.from, task, progress, count })))
     }
 
     fn advance_placing(
@@ -269,28 +313,63 @@ impl App {
     ) -> Result<Option<Step>, String> {
         /// Interval in which the status line shows the progress, in seconds.
         const INTERVAL_S: f32 = 0.25;
-        let Some(found) = own.task.outcome() else {
+        let Some(found) = finished_result(&own.task) else {
             ctx.request_repaint_after_secs(INTERVAL_S);
             return Ok(Some(Step::Placing(own)));
         };
-        let found = found.map_err(|Lost| "internal error; please report this".to_owned()).flatten()?;
+        let found = found?;
+        if *self.editor.site() != own.from {
+            return Err(
+                "no camera was placed, because the site was changed during the search; press Shift+A \
+                        again"
+                    .into(),
+            );
+        }
         for (entry, camera) in own.from.cameras.iter().zip(&found.cameras) {
-            if let Some(row) = report.row(&Period::from_camera(entry)) {
-                row.placement = Some((camera.placement.is_some(), camera.reason.clone()));
+            let of = Period::from_camera(entry);
+            let is_unreadable = report.row(&of).is_some_and(|row| row.placement.is_some());
+            if is_unreadable {
+                continue;
             }
+            let placement = match (&camera.placement, camera.is_kept) {
+                (Some(_), _) => RowPlacement::Placed,
+                (None, true) => RowPlacement::Kept,
+                (None, false) => RowPlacement::Unknown,
+            };
+            report.set_placement(&of, placement, camera.reason.clone());
         }
         report.summary.clone_from(&found.reason);
-        // The plan shows where the cameras are; the operator checks them there.
-        if found.cameras.iter().any(|camera| camera.placement.is_some()) {
-            self.view.mode = Mode::Plan;
-        }
-        self.act(Action::PlaceByColours(Box::new((own.from.clone(), found))));
+        self.act(Action::Automatic(AutomaticResult::Placement(Box::new(found))));
         Ok(None)
     }
+}
+
+/// Returns the message about an image that could not be read.
+fn unreadable(error: &str) -> String {
+    format!("the image could not be read: {}", error.trim_end_matches('.'))
 }
 
 impl AutomaticReport {
     fn row(&mut self, of: &Period) -> Option<&mut AutomaticRow> {
         self.rows.iter_mut().find(|row| row.of == *of)
+    }
+
+    fn set_calibration(&mut self, of: &Period, confidence: Confidence, reason: String) {
+        if let Some(row) = self.row(of) {
+            row.calibration = Some((confidence, reason));
+        }
+    }
+
+    fn set_placement(&mut self, of: &Period, placement: RowPlacement, reason: String) {
+        if let Some(row) = self.row(of) {
+            row.placement = Some((placement, reason));
+        }
+    }
+}
+
+impl AutomaticRow {
+    /// Whether the image was calibrated now.
+    pub(crate) fn is_calibrated(&self) -> bool {
+        self.calibration.as_ref().is_some_and(|(confidence, _)| *confidence != Confidence::None)
     }
 }

@@ -14,7 +14,7 @@ mod app;
 mod work;
 
 pub use app::{App, Dialogs, Hover, Jobs, Storage, ViewState};
-pub(crate) use automatic::{Automatic, AutomaticReport, AutomaticRow};
+pub(crate) use automatic::{Automatic, AutomaticReport, AutomaticRow, RowPlacement};
 pub(crate) use comparing::{Comparing, Recovering};
 pub(crate) use coverage::Computed;
 pub(crate) use coverage::ShownBorder;

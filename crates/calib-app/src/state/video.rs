@@ -4,15 +4,13 @@ use std::path::Path;
 use std::sync::Arc;
 
 use calib_editor::images::png;
-use calib_image::EmptyScene;
+use calib_image::{EmptyScene, shrunk};
 use calib_input::frame_name;
 use egui::{ColorImage, Context, TextureHandle, TextureOptions};
 use image::RgbImage;
 
 use crate::choice::Chosen;
-use crate::platform::{
-    FrameRequest, Here, Lost, Platform as _, Progress, Task, VideoContent, VideoFrames, shrunk,
-};
+use crate::platform::{FrameRequest, Here, Lost, Platform as _, Progress, Task, VideoContent, VideoFrames};
 
 /// Number of small frames in the strip.
 const STRIP_FRAMES: usize = 8;

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use calib_core::{FloorPoint, PlanPixel};
-use calib_editor::{Action, plan_scale};
+use calib_editor::{Action, AutomaticResult, plan_scale};
 use calib_site::SiteCamera;
 use egui::{Context, Id};
 
@@ -99,6 +99,10 @@ impl App {
 
     /// Starts the automatic calibration of the current image.
     pub(crate) fn propose(&mut self) {
+        if self.jobs.automatic.is_some() {
+            let note = "All images are being calibrated. Wait for the result, or cancel it first.";
+            return self.act(Action::Note(note.into()));
+        }
         let session = self.editor.session();
         let Some(entry) = session.entry() else { return };
         let (Some(camera), Some(image)) = (session.without_annotations(session.camera), entry.image.clone())
@@ -131,7 +135,9 @@ impl App {
         }
         let picture = self.pictures.ready(proposing.image()).map(|picture| Arc::clone(&picture.image));
         match proposing.poll(ctx, picture.as_ref()) {
-            Some(Ok(proposal)) => self.act(Action::SetAutomaticCalibration(of, Box::new(proposal))),
+            Some(Ok(proposal)) => {
+                self.act(Action::Automatic(AutomaticResult::Calibration(of, Box::new(proposal))))
+            }
             Some(Err(error)) => {
                 self.act(Action::AddError(format!("Automatic calibration of {camera} failed: {error}.")));
             }

@@ -4,17 +4,28 @@ use std::sync::Arc;
 
 use calib_core::Kind;
 use calib_image::{AutomaticCalibration, Confidence, SitePlacement};
-use calib_site::{Site, counted};
+use calib_site::counted;
 
 use crate::command::Proposing;
 use crate::editor::Editor;
 use crate::period::Period;
-use crate::proposed::{CalibrationDecision, PendingCalibration, PendingGroup};
+use crate::proposed::{AutomaticResult, CalibrationDecision, PendingCalibration, PendingGroup};
 
 impl Editor {
+    /// Applies the result of an automatic calibration or placement.
+    pub(super) fn apply_automatic(&mut self, result: AutomaticResult) {
+        match result {
+            AutomaticResult::Calibration(of, calibration) => {
+                self.set_automatic_calibration(&of, &calibration);
+            }
+            AutomaticResult::Calibrations(found) => self.set_automatic_calibrations(found),
+            AutomaticResult::Placement(found) => self.place_by_colours(&found),
+        }
+    }
+
     /// Stores an automatic calibration as undecided. It replaces an earlier one of the same calibration
     /// period.
-    pub(super) fn set_automatic_calibration(&mut self, of: &Period, proposal: &AutomaticCalibration) {
+    fn set_automatic_calibration(&mut self, of: &Period, proposal: &AutomaticCalibration) {
         self.cancel();
         let Some(entry) = self.session.site.cameras.iter().find(|entry| of.matches(entry)) else { return };
         let camera = &of.camera;
@@ -35,9 +46,9 @@ impl Editor {
 
     /// Accepts the automatic calibrations of several images as one undo step. Calibrations with the confidence
     /// `none` stay undecided. Cameras that were annotated or removed meanwhile stay unchanged.
-    pub(super) fn set_automatic_calibrations(&mut self, found: Vec<(Period, AutomaticCalibration)>) {
+    fn set_automatic_calibrations(&mut self, found: Vec<(Period, AutomaticCalibration)>) {
         self.cancel();
-        let count = found.len();
+        let mut count = 0;
         for (of, calibration) in found {
             let Some(index) = of.index(&self.session.site) else { continue };
             let entry = &mut self.session.site.cameras[index];
@@ -51,24 +62,19 @@ impl Editor {
                 all.push(pending);
             } else {
                 *entry = pending.with_groups(entry, |_| true);
+                count += 1;
             }
         }
         self.session.pending.picked_line = None;
         self.session.commit(format!("calibrate {} automatically", counted(count, "image", "images")));
     }
 
-    /// Applies the placements that were found by colours as one undo step. If the cameras have changed since,
-    /// the result is discarded.
-    pub(super) fn place_by_colours(&mut self, from: &Site, found: &SitePlacement) {
-        if self.session.site != *from {
-            let note = "The placements were discarded: the site changed during the search. Start it again.";
-            self.session.note = Some(note.into());
-            return;
-        }
+    /// Applies the placements that were estimated by colours as one undo step.
+    fn place_by_colours(&mut self, found: &SitePlacement) {
         let count = found.cameras.iter().filter(|camera| camera.placement.is_some()).count();
         if count > 0 {
             self.session.site = found.write_into(std::mem::take(&mut self.session.site));
-            self.session.commit(format!("place {} by their images", counted(count, "camera", "cameras")));
+            self.session.commit(format!("place {} by colours", counted(count, "camera", "cameras")));
         }
     }
 

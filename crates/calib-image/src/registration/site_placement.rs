@@ -1,8 +1,10 @@
 //! Placements of the cameras of a site from the colours of their images.
 
+use calib_core::floor::STAGE_1_HEIGHT;
 use calib_core::{Camera, FloorPoint};
 use calib_site::{FixedEntry, PlacementEntry, Site, Stage, counted};
 use image::RgbImage;
+use nalgebra::Complex;
 
 use crate::registration::local_view::View;
 use crate::registration::pair_search::{PairDecision, PairRegistration, register_pair};
@@ -35,7 +37,7 @@ pub struct SitePlacement {
     pub groups: Vec<Vec<usize>>,
     /// Decision about each pair of cameras.
     pub pairs: Vec<PairPlacement>,
-    /// Whether all cameras are placed together, and no pair contradicts.
+    /// Whether all cameras with an image are placed together, and no pair contradicts.
     pub is_complete: bool,
     /// Summary of the result, or the reason why cameras are not placed.
     pub reason: String,
@@ -44,8 +46,10 @@ pub struct SitePlacement {
 /// Placement of one camera, from the colours of its image.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct CameraPlacement {
-    /// Placement in the frame of the site; `None` if it is unknown.
+    /// Estimated placement in the frame of the site; `None` if it is unknown, or if the camera keeps its pose.
     pub placement: Option<PlacementEntry>,
+    /// Whether the camera was already placed, and keeps its pose.
+    pub is_kept: bool,
     /// Index of the group of the camera.
     pub group: Option<usize>,
     /// Why the camera is not placed, or how accurate its placement is.
@@ -69,12 +73,12 @@ impl SitePlacement {
     /// Creates the result of a search that did not start, with the reason.
     #[must_use]
     pub fn refused(site: &Site, reason: String) -> Self {
-        let camera = CameraPlacement { placement: None, group: None, reason: reason.clone() };
+        let camera = CameraPlacement { placement: None, is_kept: false, group: None, reason: reason.clone() };
         let cameras = vec![camera; site.cameras.len()];
         Self { cameras, groups: Vec::new(), pairs: Vec::new(), is_complete: false, reason }
     }
 
-    /// Returns the site with the found placements.
+    /// Returns the site with the estimated placements.
     #[must_use]
     pub fn write_into(&self, mut site: Site) -> Site {
         for (entry, found) in site.cameras.iter_mut().zip(&self.cameras) {
@@ -87,28 +91,28 @@ impl SitePlacement {
 }
 
 impl PlacementSearch {
-    /// Returns the indices of the cameras of a solved site that can be placed: those with a
-    /// calibration and an image. Of several calibration periods of a camera, only the first entry counts.
+    /// Longer side above which images are reduced before the search, in pixels. Larger images do not improve
+    /// the result.
+    pub const SIDE_PX: u32 = 960;
+    /// Share of the registration of the pairs in the whole work.
+    pub const PAIRS_SHARE: f64 = 0.7;
+
+    /// Returns the indices of the cameras of a solved site that can be placed: those with a calibration and an
+    /// image. Of several calibration periods of a camera, only the first entry counts.
     ///
     /// # Errors
-    /// When fewer than two or more than 16 cameras can be placed, or all are placed; the error is the
-    /// reason.
+    /// When fewer than two or more than 16 cameras can be placed, or all are placed; the error is the reason.
     pub fn cameras(site: &Site) -> Result<Vec<usize>, String> {
-        let is_usable = |&index: &usize| {
-            let entry = &site.cameras[index];
-            let stage = entry.solution.as_ref().map(|solution| solution.stage);
-            stage >= Some(Stage::Partial)
-                && entry.camera().is_some()
-                && entry.image.is_some()
-                && site.owns_links(index)
-        };
-        let cameras: Vec<usize> = (0..site.cameras.len()).filter(is_usable).collect();
+        let cameras: Vec<usize> =
+            (0..site.cameras.len()).filter(|&camera| why_not_searched(site, camera).is_none()).collect();
         match cameras.len() {
-            0 | 1 => Err("fewer than two images have an accepted calibration".into()),
+            0 => Err("no image has an accepted calibration".into()),
+            1 => Err("only one image has an accepted calibration; two are needed".into()),
             count if count > MAX_CAMERAS => Err(format!(
-                "{count} cameras are too many; place at most {MAX_CAMERAS} cameras that show the same place"
+                "{count} images have a calibration, but at most {MAX_CAMERAS} can be placed at once; use a site \
+                 with fewer cameras"
             )),
-            _ if cameras.iter().all(|&camera| is_placed_by_hand(site, camera)) => {
+            _ if cameras.iter().all(|&camera| is_kept(site, camera)) => {
                 Err("every calibrated camera is already placed".into())
             }
             _ => Ok(cameras),
@@ -119,19 +123,33 @@ impl PlacementSearch {
     /// size.
     #[must_use]
     pub fn new(site: &Site, cameras: &[usize], images: &[RgbImage]) -> Self {
-        let known: Vec<(usize, &RgbImage, Camera)> = cameras
+        let mut known: Vec<(usize, &RgbImage, Camera)> = cameras
             .iter()
             .zip(images)
             .filter_map(|(&index, image)| Some((index, image, site.cameras.get(index)?.camera()?)))
             .collect();
-        let entry = |index: usize| &site.cameras[index];
+        let has_height = |index: usize| site.cameras[index].height_m.is_some() || is_kept(site, index);
+        // Cameras whose height is assumed probably hang about as high as the others.
+        let mut heights: Vec<f64> = known
+            .iter()
+            .filter(|(index, ..)| has_height(*index))
+            .map(|(.., camera)| camera.position.z)
+            .collect();
+        if !heights.is_empty() {
+            heights.sort_by(f64::total_cmp);
+            let median = heights[heights.len() / 2];
+            known
+                .iter_mut()
+                .filter(|(index, ..)| !has_height(*index))
+                .for_each(|(.., camera)| camera.position.z = median);
+        }
         let views: Vec<View> = known
             .iter()
             .map(|(index, image, camera)| View {
                 camera,
                 image,
-                size_px: entry(*index).size_px,
-                is_height_known: entry(*index).height_m.is_some(),
+                size_px: site.cameras[*index].size_px,
+                is_height_known: site.cameras[*index].height_m.is_some(),
             })
             .collect();
         Self { cameras: known.iter().map(|(index, ..)| *index).collect(), colours: SiteColours::new(&views) }
@@ -152,8 +170,8 @@ impl PlacementSearch {
     /// Combines the registered pairs to placements in the frame of the site. `progress` receives the
     /// completed fraction, 0 to 1, and returns `false` to cancel. Returns `None` if it was cancelled.
     ///
-    /// A group with placed cameras is moved so that its first placed camera keeps its pose. Without a placed
-    /// camera, the largest group determines the frame of the site.
+    /// Cameras that are already placed keep their poses, and their groups are moved to them. If no camera is
+    /// placed, the largest group determines the frame of the site.
     pub fn place(
         &self,
         site: &Site,
@@ -161,46 +179,34 @@ impl PlacementSearch {
         progress: &mut dyn FnMut(f64) -> bool,
     ) -> Option<SitePlacement> {
         let registration = join(&self.colours, pairs, progress)?;
-        let groups: Vec<Vec<usize>> = registration
-            .groups
-            .iter()
-            .map(|group| group.iter().map(|&view| self.cameras[view]).collect())
-            .collect();
         let frames = self.frames(site, &registration);
-        let mut cameras: Vec<CameraPlacement> = (0..site.cameras.len())
-            .map(|camera| {
-                let group = groups.iter().position(|group| group.contains(&camera));
-                let reason = self.reason(camera, group, &frames, &registration);
-                CameraPlacement { placement: None, group, reason }
-            })
-            .collect();
-        for (frame, group) in frames.iter().zip(&registration.groups) {
-            for &view in group {
-                let (index, pose) = (self.cameras[view], registration.cameras[view]);
-                if let (Some(frame), Some(pose), false) = (frame, pose, is_placed_by_hand(site, index)) {
-                    cameras[index].placement = Some(frame.placement(&pose));
-                }
-            }
-        }
-        let is_found = |pair: &&PairRegistration| pair.views.iter().all(|&view| view < self.cameras.len());
-        let pairs = registration.pairs.iter().filter(is_found).map(|pair| PairPlacement {
+        let cameras: Vec<CameraPlacement> =
+            (0..site.cameras.len()).map(|camera| self.camera(site, camera, &registration, &frames)).collect();
+        let indices = |group: &Vec<usize>| group.iter().map(|&view| self.cameras[view]).collect();
+        let groups: Vec<Vec<usize>> = registration.groups.iter().map(indices).collect();
+        let is_known = |pair: &&PairRegistration| pair.views.iter().all(|&view| view < self.cameras.len());
+        let pairs = registration.pairs.iter().filter(is_known).map(|pair| PairPlacement {
             cameras: pair.views.map(|view| self.cameras[view]),
             decision: pair.decision,
             score: pair.score,
             ratio: pair.ratio,
         });
-        let (is_complete, reason) = summary(&registration, site.cameras.len());
+        let against = registration.agreement.iter().filter(|pair| !pair.agrees).count();
+        let (is_complete, reason) = summary(site, &cameras, groups.len(), against);
         Some(SitePlacement { cameras, groups, pairs: pairs.collect(), is_complete, reason })
     }
 
     /// Returns the transformation of each group to the frame of the site; `None` if it is unknown.
     fn frames(&self, site: &Site, registration: &SiteRegistration) -> Vec<Option<Frame>> {
         let by_placed = |group: &Vec<usize>| {
-            let known = group.iter().find(|&&view| is_placed_by_hand(site, self.cameras[view]))?;
-            Some(Frame::new(&registration.cameras[*known]?, &site.cameras[self.cameras[*known]].camera()?))
+            let placed = group.iter().filter(|&&view| is_kept(site, self.cameras[view]));
+            let poses = placed.filter_map(|&view| {
+                Some((registration.cameras[view]?, site.cameras[self.cameras[view]].camera()?))
+            });
+            Frame::new(&poses.collect::<Vec<_>>())
         };
         let mut frames: Vec<Option<Frame>> = registration.groups.iter().map(by_placed).collect();
-        let is_free = !(0..site.cameras.len()).any(|index| is_placed_by_hand(site, index));
+        let is_free = !(0..site.cameras.len()).any(|index| is_kept(site, index));
         let sizes = registration.groups.iter().map(Vec::len).enumerate();
         if let Some((largest, _)) = sizes.rev().max_by_key(|(_, size)| *size).filter(|_| is_free) {
             frames[largest] = Some(Frame::IDENTITY);
@@ -208,61 +214,124 @@ impl PlacementSearch {
         frames
     }
 
-    /// Returns why a camera is not placed, or how accurate its placement is.
-    fn reason(
+    /// Returns the result of the camera with this index in the site.
+    fn camera(
         &self,
+        site: &Site,
         camera: usize,
-        group: Option<usize>,
-        frames: &[Option<Frame>],
         registration: &SiteRegistration,
-    ) -> String {
-        let Some(view) = self.cameras.iter().position(|&index| index == camera) else {
-            return "the image has no accepted calibration".into();
-        };
-        if let Some(group) = group {
-            let others = counted(registration.groups[group].len() - 1, "other camera", "other cameras");
-            return match frames[group] {
-                Some(_) => format!(
-                    "placed by colours together with {others}; the position can be wrong by half a metre"
-                ),
-                None => format!(
-                    "its pose relative to {others} is known, but not its place in the site; place one of these cameras by hand"
-                ),
-            };
+        frames: &[Option<Frame>],
+    ) -> CameraPlacement {
+        let view = self.cameras.iter().position(|&index| index == camera);
+        let group = view.and_then(|view| registration.groups.iter().position(|group| group.contains(&view)));
+        let nothing = CameraPlacement { placement: None, is_kept: false, group, reason: String::new() };
+        if is_kept(site, camera) {
+            let reason = "it was already placed, and keeps its pose".into();
+            return CameraPlacement { is_kept: true, reason, ..nothing };
         }
-        let is_ambiguous =
-            |pair: &PairRegistration| pair.decision == PairDecision::Ambiguous && pair.views.contains(&view);
-        if registration.pairs.iter().any(is_ambiguous) {
-            "several places agree with the colours of another image".into()
-        } else {
-            "no other image clearly shows the same place".into()
+        let Some(view) = view else {
+            let why_not = why_not_searched(site, camera).unwrap_or("its image could not be read");
+            return CameraPlacement { reason: why_not.into(), ..nothing };
+        };
+        let found = group.and_then(|group| Some((frames[group], registration.cameras[view]?)));
+        let (placement, reason) = match found {
+            Some((Some(frame), pose)) => {
+                let others = self.others(site, view, registration);
+                let reason = format!(
+                    "it was placed by colours together with {others}; the position can be wrong by half a metre"
+                );
+                (Some(frame.placement(&pose)), reason)
+            }
+            Some((None, _)) => {
+                let others = self.others(site, view, registration);
+                let reason = format!(
+                    "its pose relative to {others} is known, but not its position in the site; place one of \
+                     them by hand"
+                );
+                (None, reason)
+            }
+            None => (None, not_found(view, registration).into()),
+        };
+        CameraPlacement { placement, reason, ..nothing }
+    }
+
+    /// Returns the names of the other cameras in the group of a view.
+    fn others(&self, site: &Site, view: usize, registration: &SiteRegistration) -> String {
+        /// Largest number of names.
+        const MAX_NAMES: usize = 3;
+        let group = registration.groups.iter().find(|group| group.contains(&view));
+        let others: Vec<&str> = group
+            .into_iter()
+            .flatten()
+            .filter(|&&other| other != view)
+            .map(|&other| site.cameras[self.cameras[other]].id.as_str())
+            .collect();
+        match others.as_slice() {
+            [] => "no camera".into(),
+            [one] => (*one).into(),
+            [first @ .., last] if others.len() <= MAX_NAMES => format!("{} and {last}", first.join(", ")),
+            _ => counted(others.len(), "other camera", "other cameras"),
         }
     }
 }
 
-/// Whether the operator, control points or another program have placed a camera. The search keeps its pose.
-fn is_placed_by_hand(site: &Site, camera: usize) -> bool {
-    let entry = &site.cameras[camera];
-    entry.is_placed() && !entry.placement.as_ref().is_some_and(|placement| placement.estimated)
+/// Returns why a view belongs to no group.
+fn not_found(view: usize, registration: &SiteRegistration) -> &'static str {
+    let is_ambiguous =
+        |pair: &PairRegistration| pair.decision == PairDecision::Ambiguous && pair.views.contains(&view);
+    if registration.pairs.iter().any(is_ambiguous) {
+        "several poses agree with the colours of another image"
+    } else {
+        "no other image clearly shows the same part of the scene"
+    }
 }
 
-/// Returns whether all cameras are placed together, and a summary of the result.
-fn summary(registration: &SiteRegistration, count: usize) -> (bool, String) {
-    let placed: usize = registration.groups.iter().map(Vec::len).sum();
-    let against = registration.agreement.iter().filter(|pair| !pair.agrees).count();
-    match registration.groups.len() {
-        0 => (false, "no two images clearly show the same place".into()),
-        1 if placed == count && against == 0 => {
-            (true, "every camera is placed by colours; link points to check and refine the positions".into())
-        }
-        1 if placed == count => {
-            let pairs = counted(against, "pair contradicts", "pairs contradict");
-            (false, format!("{pairs} the common placement"))
-        }
-        groups => (
-            false,
-            format!("{placed} of {count} cameras are placed, in {}", counted(groups, "group", "groups")),
-        ),
+/// Returns why the search does not include a camera; `None` if it does.
+fn why_not_searched(site: &Site, camera: usize) -> Option<&'static str> {
+    let entry = &site.cameras[camera];
+    let is_calibrated = entry.solution.as_ref().is_some_and(|own| own.stage >= Stage::Partial);
+    if !site.owns_links(camera) {
+        Some("only the first entry of a camera id is placed")
+    } else if entry.image.is_none() {
+        Some("the camera has no image")
+    } else if !is_calibrated || entry.camera().is_none() {
+        Some("the image has no accepted calibration")
+    } else {
+        None
+    }
+}
+
+/// Whether a camera is already placed and keeps its pose. Only poses of an earlier search are estimated
+/// again: their placements are estimated, and have no scale.
+fn is_kept(site: &Site, camera: usize) -> bool {
+    let entry = &site.cameras[camera];
+    let is_from_search = |own: &PlacementEntry| {
+        own.estimated && own.scale.is_none() && !own.fixed && own.held == FixedEntry::default()
+    };
+    let is_start_value = entry.solution.as_ref().is_some_and(|own| own.stage == Stage::Placed)
+        && entry.control_points.is_empty()
+        && entry.placement.as_ref().is_some_and(is_from_search);
+    entry.is_placed() && !is_start_value
+}
+
+/// Returns whether all cameras with an image are placed together, and a summary of the result.
+fn summary(site: &Site, cameras: &[CameraPlacement], groups: usize, against: usize) -> (bool, String) {
+    let is_wanted = |index: usize| site.owns_links(index) && site.cameras[index].image.is_some();
+    let wanted = (0..cameras.len()).filter(|&index| is_wanted(index)).count();
+    let kept = cameras.iter().filter(|camera| camera.is_kept).count();
+    let placed = cameras.iter().filter(|camera| camera.placement.is_some()).count();
+    let contradiction = match against {
+        0 => String::new(),
+        _ => format!("; {} the common pose", counted(against, "pair contradicts", "pairs contradict")),
+    };
+    let already = if kept > 0 { format!("; {kept} were already placed") } else { String::new() };
+    if groups == 0 {
+        (false, "no two images clearly show the same part of the scene".into())
+    } else if placed + kept == wanted && groups == 1 && against == 0 {
+        let all = if kept > 0 { "every other camera" } else { "every camera" };
+        (true, format!("{all} is placed by colours; link points to check and refine the positions"))
+    } else {
+        (false, format!("{placed} of {wanted} cameras are placed by colours{already}{contradiction}"))
     }
 }
 
@@ -274,17 +343,39 @@ struct Frame {
     scale: f64,
     /// Position in the frame of the site of the origin of the group, in metres.
     origin: [f64; 2],
+    /// Whether placed cameras determine the transformation.
+    is_anchored: bool,
 }
 
 impl Frame {
-    const IDENTITY: Self = Self { turn: 0.0, scale: 1.0, origin: [0.0; 2] };
+    const IDENTITY: Self = Self { turn: 0.0, scale: 1.0, origin: [0.0; 2], is_anchored: false };
 
-    /// Creates the transformation that maps the pose of a camera in the group to its pose in the site.
-    fn new(group: &Camera, site: &Camera) -> Self {
-        let linear =
-            Self { turn: site.yaw - group.yaw, scale: site.position.z / group.position.z, origin: [0.0; 2] };
-        let moved = linear.map(group.position.on_floor());
-        Self { origin: [site.position.x - moved.x, site.position.y - moved.y], ..linear }
+    /// Creates the transformation that maps cameras of the group (first) to the site (second). One camera
+    /// determines it by its pose and height; several cameras determine it by their positions, with least
+    /// squares (Umeyama 1991, in two dimensions). Returns `None` without a camera.
+    fn new(poses: &[(Camera, Camera)]) -> Option<Self> {
+        /// Smallest rms distance of the cameras from their centre for a fit of the positions, in metres.
+        const MIN_SPREAD_M: f64 = 0.5;
+        let (group, site) = poses.first()?;
+        let at = |camera: &Camera| Complex::new(camera.position.x, camera.position.y);
+        let count = poses.len() as f64;
+        let from = poses.iter().map(|(group, _)| at(group)).sum::<Complex<f64>>() / count;
+        let to = poses.iter().map(|(_, site)| at(site)).sum::<Complex<f64>>() / count;
+        let spread = poses.iter().map(|(group, _)| (at(group) - from).norm_sqr()).sum::<f64>();
+        let rotation: Complex<f64> = if spread > count * MIN_SPREAD_M * MIN_SPREAD_M {
+            let moved = poses.iter().map(|(group, site)| (at(group) - from).conj() * (at(site) - to));
+            moved.sum::<Complex<f64>>() / spread
+        } else {
+            Complex::from_polar(site.position.z / group.position.z, site.yaw - group.yaw)
+        };
+        let origin = to - rotation * from;
+        let is_anchored = true;
+        Some(Self {
+            turn: rotation.arg(),
+            scale: rotation.norm(),
+            origin: [origin.re, origin.im],
+            is_anchored,
+        })
     }
 
     fn map(&self, point: FloorPoint) -> FloorPoint {
@@ -293,13 +384,13 @@ impl Frame {
         FloorPoint::new(self.scale * x + self.origin[0], self.scale * y + self.origin[1])
     }
 
-    /// Returns the placement of a camera of the group. It does not set the height, because colours determine
-    /// only the ratios of the heights.
+    /// Returns the placement of a camera of the group. It sets the height only relative to placed cameras,
+    /// because colours determine only the ratios of the heights.
     fn placement(&self, camera: &Camera) -> PlacementEntry {
         PlacementEntry {
             move_m: self.map(camera.position.on_floor()),
             turn_deg: wrapped(camera.yaw + self.turn).to_degrees(),
-            scale: None,
+            scale: self.is_anchored.then_some(self.scale * camera.position.z / STAGE_1_HEIGHT),
             fixed: false,
             held: FixedEntry::default(),
             estimated: true,
@@ -312,20 +403,35 @@ mod tests {
     use super::*;
     use calib_core::{Covariance, Lens, Pixel, WorldPoint};
 
+    fn camera(x: f64, y: f64, z: f64, yaw: f64) -> Camera {
+        let lens = Lens::pinhole(Pixel::new(320.0, 240.0));
+        let position = WorldPoint::new(x, y, z);
+        Camera { position, yaw, pitch: 0.5, roll: 0.0, focal: 500.0, lens, covariance: Covariance::EXACT }
+    }
+
     #[test]
     fn frame_maps_the_known_camera_to_its_pose_in_the_site() {
-        let camera = |x: f64, y: f64, z: f64, yaw: f64| {
-            let lens = Lens::pinhole(Pixel::new(320.0, 240.0));
-            let position = WorldPoint::new(x, y, z);
-            Camera { position, yaw, pitch: 0.5, roll: 0.0, focal: 500.0, lens, covariance: Covariance::EXACT }
-        };
         let (group, site) = (camera(1.0, 2.0, 2.5, 0.3), camera(-4.0, 7.0, 3.0, -2.9));
-        let frame = Frame::new(&group, &site);
+        let frame = Frame::new(&[(group, site)]).unwrap();
         let placement = frame.placement(&group);
         assert!(placement.move_m.distance(site.position.on_floor()) < 1e-12);
         assert!((placement.turn_deg - site.yaw.to_degrees()).abs() < 1e-9);
         // Distances are scaled with the ratio of the heights.
         let other = frame.map(FloorPoint::new(4.0, 6.0));
         assert!((other.distance(placement.move_m) - 5.0 * 1.2).abs() < 1e-12);
+        assert!(
+            (placement.scale.unwrap() - 1.0).abs() < 1e-12
+                && Frame::IDENTITY.placement(&group).scale.is_none()
+        );
+        // Two cameras determine the transformation by their positions.
+        let moved = |camera: &Camera| {
+            let at = frame.map(camera.position.on_floor());
+            Camera { position: at.at_height(9.0), ..*camera }
+        };
+        let others = [group, camera(5.0, -1.0, 2.5, 0.0)];
+        let found = Frame::new(&others.map(|camera| (camera, moved(&camera)))).unwrap();
+        assert!((found.scale - 1.2).abs() < 1e-12 && wrapped(found.turn - frame.turn).abs() < 1e-12);
+        let at = FloorPoint::new(2.0, -3.0);
+        assert!(found.map(at).distance(frame.map(at)) < 1e-12);
     }
 }

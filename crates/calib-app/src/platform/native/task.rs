@@ -222,8 +222,7 @@ pub(super) fn place(
     asked: PlacementRequest,
     progress: &Arc<Progress>,
 ) -> Task<Result<SitePlacement, String>> {
-    /// Share of the work after the registration of the pairs.
-    const PAIRED: f64 = 0.7;
+    const PAIRED: f64 = PlacementSearch::PAIRS_SHARE;
     let progress = Arc::clone(progress);
     Task::spawn_apart(ctx, move || {
         let PlacementRequest { site, cameras, images } = asked;
@@ -235,7 +234,7 @@ pub(super) fn place(
             while let index = next.fetch_add(1, Ordering::Relaxed)
                 && let Some((pair, found)) = pairs.get(index).zip(found.get(index))
             {
-                // The index is of this thread alone.
+                // No other thread has this index, so `set` cannot fail.
                 let _ = found.set(search.register(*pair));
                 let share = (done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / pairs.len() as f64;
                 if !progress.report(PAIRED * share) {

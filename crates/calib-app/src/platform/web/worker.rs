@@ -1,7 +1,7 @@
 //! Requests to the page's workers, and their answers.
 
 use calib_editor::{Edge, Source, edges};
-use calib_image::{AutomaticCalibration, Comparison, LineSegment, SitePlacement};
+use calib_image::{AutomaticCalibration, Comparison, LineSegment, PlacementSearch, SitePlacement};
 use calib_plan::{DrawingFacts, View};
 use calib_site::{Recovered, Site, SiteCamera};
 use image::RgbImage;
@@ -29,7 +29,7 @@ pub(crate) const RECOVER: &str = "recover";
 /// Step of the search for placements.
 #[derive(Debug, serde::Serialize, serde::Deserialize)]
 pub(crate) enum PlacementStep {
-    /// Prepares the images, whose RGB bytes are sent one after the other; answers the pairs.
+    /// Prepares the images, whose RGB bytes are sent one after the other; returns the pairs.
     Prepare {
         /// Site with its solutions.
         site: Site,
@@ -40,7 +40,7 @@ pub(crate) enum PlacementStep {
     },
     /// Registers a pair.
     Register([usize; 2]),
-    /// Answers the placements.
+    /// Returns the placements.
     Place,
 }
 
@@ -128,11 +128,10 @@ pub(crate) fn stop_proposing() {
 
 /// Searches the placements of cameras in a worker, which keeps the prepared images between the requests.
 pub(crate) async fn place(asked: PlacementRequest, progress: &Progress) -> Result<SitePlacement, String> {
-    /// Share of the work after the registration of the pairs.
-    const PAIRED: f64 = 0.7;
+    const PAIRED: f64 = PlacementSearch::PAIRS_SHARE;
     let PlacementRequest { site, cameras, images } = asked;
     let sizes = images.iter().map(RgbImage::dimensions).collect();
-    let bytes: Vec<u8> = images.into_iter().flat_map(RgbImage::into_raw).collect();
+    let bytes = images.iter().map(|image| image.as_raw().as_slice()).collect::<Vec<_>>().concat();
     let send = async |step: &PlacementStep, bytes: &[u8]| request(PLACE, &page::write(step)?, 0, bytes).await;
     let pairs: Vec<[usize; 2]> =
         parsed(&send(&PlacementStep::Prepare { site, cameras, sizes }, &bytes).await?)?;
