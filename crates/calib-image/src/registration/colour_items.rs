@@ -73,10 +73,12 @@ impl ItemCandidates {
         let information: Vec<f32> =
             (0..other.len()).map(|class| -(mean(class) + MIN_BACKGROUND).ln()).collect();
         let gain = |item: &Item| item.weight * information[item.class];
-        let mut items = self.items.clone();
-        items.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
-        items.truncate(count);
-        items.sort_by_key(|item| item.class);
+        let mut order: Vec<usize> = (0..self.items.len()).collect();
+        order.sort_by(|&a, &b| gain(&self.items[b]).total_cmp(&gain(&self.items[a])));
+        order.truncate(count);
+        // Rays of neighbouring blocks use neighbouring nodes of a direction map.
+        order.sort_by_key(|&index| (self.items[index].class, index));
+        let mut items: Vec<Item> = order.into_iter().map(|index| self.items[index]).collect();
         let mut totals = vec![0.0; other.len()];
         items.iter().for_each(|item| totals[item.class] += item.weight);
         let factor = |class: usize| f32::max(totals[class], 0.1).powf(CLASS_EXPONENT);

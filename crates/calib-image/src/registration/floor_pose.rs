@@ -1,5 +1,7 @@
 //! Poses of the cameras of a group on a common floor, and the spanning trees that initialise them.
 
+use nalgebra::Matrix4;
+
 use crate::registration::pair_search::{DECISION_TOLERANCE, PairDecision, PairRegistration};
 use crate::registration::relative_pose::{RelativePose, wrapped};
 
@@ -32,6 +34,30 @@ impl FloorPose {
             log_ratio: self.log_height - base.log_height,
             at: [cos * x + sin * y, cos * y - sin * x],
         }
+    }
+
+    /// Returns the derivatives of the parameters of [`Self::relative_to`] by yaw, log height, x and y:
+    /// first of this camera, then of `base`.
+    pub(crate) fn relative_derivatives(&self, base: &Self, height: f64) -> [Matrix4<f64>; 2] {
+        let [x, y] = self.relative_to(base, height).at;
+        let (sin, cos) = base.yaw.sin_cos();
+        let unit = height * base.log_height.exp();
+        let (p, q) = (cos / unit, sin / unit);
+        #[rustfmt::skip]
+        let own = Matrix4::new(
+            1.0, 0.0, 0.0, 0.0,
+            0.0, 1.0, 0.0, 0.0,
+            0.0, 0.0,   p,   q,
+            0.0, 0.0,  -q,   p,
+        );
+        #[rustfmt::skip]
+        let other = Matrix4::new(
+            -1.0,  0.0, 0.0, 0.0,
+             0.0, -1.0, 0.0, 0.0,
+               y,   -x,  -p,  -q,
+              -x,   -y,   q,  -p,
+        );
+        [own, other]
     }
 
     /// Returns the pose of a camera with a pose relative to this camera. `height` is the given height of this
@@ -98,6 +124,28 @@ pub(crate) fn is_usable(pair: &PairRegistration, poses: &Poses, heights: &[f64])
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn derivatives_of_the_relative_pose_are_its_differences() {
+        const STEP: f64 = 1e-6;
+        let poses = [
+            FloorPose { at: [1.0, 5.0], yaw: 2.0, log_height: 0.1 },
+            FloorPose { at: [3.0, -2.0], yaw: 0.4, log_height: -0.05 },
+        ];
+        let derivatives = poses[0].relative_derivatives(&poses[1], 3.5);
+        for (side, parameter) in [0, 1].into_iter().flat_map(|side| (0..4).map(move |i| (side, i))) {
+            let at = |step: f64| {
+                let mut moved = poses;
+                let FloorPose { at: [x, y], yaw, log_height } = &mut moved[side];
+                *[yaw, log_height, x, y][parameter] += step;
+                moved[0].relative_to(&moved[1], 3.5).to_parameters()
+            };
+            for (row, (high, low)) in at(STEP).into_iter().zip(at(-STEP)).enumerate() {
+                let difference = (high - low) / (2.0 * STEP);
+                assert!((derivatives[side][(row, parameter)] - difference).abs() < 1e-8, "{side} {row}");
+            }
+        }
+    }
 
     #[test]
     fn compose_and_relative_pose_are_inverse() {

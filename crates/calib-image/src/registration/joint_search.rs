@@ -1,98 +1,189 @@
 //! Joint maximum of the scores of all pairs of a group, over the floor poses and heights of its cameras.
+//!
+//! Each pair has a quadratic model of its score. Their sum is a quadratic model of the joint score, whose
+//! maximum is a step of Newton's method with the damping of Levenberg and Marquardt. Moves of single
+//! cameras would not reach the maximum, because the parameters of all cameras are correlated.
+
+use nalgebra::{DMatrix, DVector};
 
 use crate::registration::floor_pose::{FloorPose, Poses};
+use crate::registration::pair_model::{PairModel, Steps};
 use crate::registration::pair_score::{PRIOR_WEIGHT, PairScore};
 use crate::registration::pair_search::PairRegistration;
+use crate::registration::relative_pose::RelativePose;
 use crate::registration::site_colours::{Level, SiteColours};
 
-/// Distance ahead of a camera of the point about which it is rotated, in heights: a rotation about this point
-/// changes its view of the floor least.
-const PIVOT_DISTANCE: f64 = 3.0;
-/// Pitch above which a camera is rotated about its own position, in radians.
-const MAX_PIVOT_PITCH: f64 = 1.0;
-/// Largest number of sweeps with one step size.
-const SWEEPS: usize = 4;
+/// Number of parameters of a camera: yaw, log height, x and y.
+const PARAMETERS: usize = 4;
+/// Factor of the damping after a step that decreases the score. A step that increases it has the inverse
+/// factor.
+const DAMPING_FACTOR: f64 = 5.0;
 
-/// Change of the pose of one camera.
-#[derive(Clone, Copy)]
-enum Move {
-    /// Shift along x or y of the floor.
-    Axis(usize),
-    /// Shift along the baseline from another camera.
-    Baseline(usize),
-    /// Rotation about a point ahead.
-    Pivot,
-    /// Rotation about the position.
-    Yaw,
-    /// Change of the log of the height.
-    Height,
-}
-
-/// Score of a group of cameras, with its current maximum.
+/// Score of a group of cameras, with its current poses.
 pub(crate) struct JointSearch<'a> {
     site: &'a SiteColours,
     /// Current poses.
     pub(crate) poses: Poses,
-    /// Cameras of the group; the first one is not moved.
+    /// Cameras of the group; position and yaw of the first one are not changed.
     members: Vec<usize>,
     /// Pairs, with their scores.
     pairs: Vec<([usize; 2], PairScore<'a>)>,
-    /// Current score of each pair.
-    values: Vec<f64>,
     /// Mean height of the group, in metres.
     height: f64,
 }
 
+/// Stage of a joint search.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Stage {
+    /// First steps of the stencils. Each round halves them.
+    pub(crate) steps: Steps,
+    /// Number of rounds.
+    pub(crate) rounds: usize,
+    /// Relative gain of the score below which a round ends.
+    pub(crate) tolerance: f64,
+}
+
 impl<'a> JointSearch<'a> {
-    /// Creates the search from start poses, with the scores of the given pairs.
+    /// Creates the search with the scores of the given pairs. The poses determine the cameras of the group.
+    /// For more than `full_count` pairs, a pair has fewer items.
     pub(crate) fn new(
         site: &'a SiteColours,
         poses: Poses,
         pairs: &[&PairRegistration],
         level: Level,
+        full_count: f64,
     ) -> Self {
         let members: Vec<usize> = (0..poses.len()).filter(|&index| poses[index].is_some()).collect();
-        let score =
-            |pair: &&PairRegistration| Some((pair.views, PairScore::new(site.pair(pair.views)?, level)));
+        let share = (full_count / pairs.len().max(1) as f64).sqrt().min(1.0);
+        let score = |pair: &&PairRegistration| {
+            Some((pair.views, PairScore::with_share(site.pair(pair.views)?, level, share)))
+        };
         let pairs: Vec<_> = pairs.iter().filter_map(score).collect();
         let sum: f64 = members.iter().map(|&index| site.cameras[index].position.z).sum();
         let height = sum / members.len().max(1) as f64;
-        let mut search = Self { site, poses, members, values: vec![0.0; pairs.len()], pairs, height };
-        search.restart(search.poses.clone());
-        search
-    }
-
-    /// Replaces the current poses.
-    pub(crate) fn restart(&mut self, poses: Poses) {
-        self.poses = poses;
-        self.values = (0..self.pairs.len()).map(|index| self.value(index)).collect();
+        Self { site, poses, members, pairs, height }
     }
 
     /// Returns the score of the current poses, with the prior of the heights.
     pub(crate) fn score(&self) -> f64 {
-        let priors: f64 = self.members.iter().map(|&index| self.prior(index)).sum();
-        self.values.iter().sum::<f64>() - priors
+        let prior = |&camera: &usize| {
+            PRIOR_WEIGHT * (self.pose(camera).log_height / self.height_sigma(camera)).powi(2)
+        };
+        let values = self.for_pairs(|index| self.pairs[index].1.colour(&self.relative(index)));
+        values.iter().sum::<f64>() - self.members.iter().map(prior).sum::<f64>()
     }
 
-    /// Maximises the score with a pattern search of `rounds` step sizes. The first steps are a position in
-    /// heights, and yaw or log height.
-    pub(crate) fn climb(&mut self, rounds: usize, [mut shift, mut turn]: [f64; 2]) {
-        for _ in 0..rounds {
-            for _ in 0..SWEEPS {
-                let mut is_better = false;
-                for camera in self.members.clone() {
-                    for change in self.moves(camera) {
-                        is_better |= self.try_move(camera, change, [shift, turn]);
-                    }
-                }
-                is_better |= self.try_scale(0.16 * shift);
-                if !is_better {
+    /// Maximises the score from the given poses. Returns the score.
+    pub(crate) fn maximise(&mut self, poses: Poses, stage: Stage) -> f64 {
+        /// Damping of the first step of a round, as a loss of score for a change by one step of the stencil.
+        const START_DAMPING: f64 = 10.0;
+        /// Largest number of steps of Newton's method in one round.
+        const MAX_STEPS: usize = 8;
+        self.poses = poses;
+        let mut score = self.score();
+        let (mut steps, mut damping) = (stage.steps, START_DAMPING);
+        for _ in 0..stage.rounds {
+            for _ in 0..MAX_STEPS {
+                let before = score;
+                score = self.step(score, steps, &mut damping);
+                if score - before < stage.tolerance * score.abs() {
                     break;
                 }
             }
-            (shift, turn) = (0.5 * shift, 0.5 * turn);
+            damping = damping.min(2.0 * START_DAMPING);
+            steps = steps.halved();
         }
-        self.centre_heights();
+        score
+    }
+
+    /// Makes one step of Newton's method that increases the score. Increases the damping until there is
+    /// such a step. Returns the new score.
+    fn step(&mut self, score: f64, steps: Steps, damping: &mut f64) -> f64 {
+        /// Largest number of dampings.
+        const TRIALS: usize = 5;
+        /// Smallest damping.
+        const MIN_DAMPING: f64 = 0.1;
+        let models =
+            self.for_pairs(|index| PairModel::new(&self.pairs[index].1, &self.relative(index), steps));
+        let (matrix, gradient) = self.normal_equations(&models);
+        let old = self.poses.clone();
+        for _ in 0..TRIALS {
+            if let Some(step) = self.solve(&matrix, &gradient, steps, *damping) {
+                self.apply(&step);
+                let new = self.score();
+                if new > score {
+                    *damping = (*damping / DAMPING_FACTOR).max(MIN_DAMPING);
+                    return new;
+                }
+                self.poses.clone_from(&old);
+            }
+            *damping *= DAMPING_FACTOR;
+        }
+        score
+    }
+
+    /// Computes the curvature and the gradient of the joint score.
+    fn normal_equations(&self, models: &[PairModel]) -> (DMatrix<f64>, DVector<f64>) {
+        let count = PARAMETERS * self.members.len();
+        let (mut matrix, mut gradient) = (DMatrix::zeros(count, count), DVector::zeros(count));
+        let start = |camera: usize| {
+            PARAMETERS * self.members.iter().position(|member| *member == camera).unwrap_or(0)
+        };
+        for (model, &([a, b], _)) in models.iter().zip(&self.pairs) {
+            let height = self.site.cameras[b].position.z;
+            let derivatives = self.pose(a).relative_derivatives(&self.pose(b), height);
+            let sides = [(start(a), derivatives[0]), (start(b), derivatives[1])];
+            for (row, left) in sides {
+                let mut part = gradient.fixed_rows_mut::<PARAMETERS>(row);
+                part += left.transpose() * model.gradient;
+                for (column, right) in sides {
+                    let mut part = matrix.fixed_view_mut::<PARAMETERS, PARAMETERS>(row, column);
+                    part += left.transpose() * model.curvature * right;
+                }
+            }
+        }
+        for (index, &camera) in self.members.iter().enumerate() {
+            let weight = 2.0 * PRIOR_WEIGHT / self.height_sigma(camera).powi(2);
+            let row = PARAMETERS * index + 1;
+            matrix[(row, row)] += weight;
+            gradient[row] -= weight * self.pose(camera).log_height;
+        }
+        (matrix, gradient)
+    }
+
+    /// Computes a damped step. Returns `None` if the equations have no solution.
+    fn solve(
+        &self,
+        matrix: &DMatrix<f64>,
+        gradient: &DVector<f64>,
+        steps: Steps,
+        damping: f64,
+    ) -> Option<DVector<f64>> {
+        /// Weight of the pose of the first camera, which is fixed.
+        const FIXED_WEIGHT: f64 = 1e12;
+        let shift = steps.shift * self.height;
+        let units = [steps.turn, steps.turn, shift, shift];
+        let mut matrix = matrix.clone();
+        for row in 0..matrix.nrows() {
+            let is_fixed = row < PARAMETERS && row != 1;
+            let weight = damping / units[row % PARAMETERS].powi(2);
+            matrix[(row, row)] += if is_fixed { FIXED_WEIGHT } else { weight };
+        }
+        let step = matrix.cholesky()?.solve(gradient);
+        step.iter().all(|c| c.is_finite()).then_some(step)
+    }
+
+    /// Adds a step to the current poses.
+    fn apply(&mut self, step: &DVector<f64>) {
+        for (index, &camera) in self.members.iter().enumerate() {
+            let [yaw, log_height, x, y] = std::array::from_fn(|i| step[PARAMETERS * index + i]);
+            let old = self.pose(camera);
+            self.poses[camera] = Some(FloorPose {
+                at: [old.at[0] + x, old.at[1] + y],
+                yaw: old.yaw + yaw,
+                log_height: old.log_height + log_height,
+            });
+        }
     }
 
     /// Returns the current pose of a camera of the group.
@@ -100,11 +191,10 @@ impl<'a> JointSearch<'a> {
         self.poses[camera].unwrap_or(FloorPose { at: [0.0; 2], yaw: 0.0, log_height: 0.0 })
     }
 
-    /// Computes the score of a pair.
-    fn value(&self, index: usize) -> f64 {
-        let ([a, b], score) = &self.pairs[index];
-        let relative = self.pose(*a).relative_to(&self.pose(*b), self.site.cameras[*b].position.z);
-        score.colour(&relative)
+    /// Returns the current relative pose of a pair.
+    fn relative(&self, index: usize) -> RelativePose {
+        let [a, b] = self.pairs[index].0;
+        self.pose(a).relative_to(&self.pose(b), self.site.cameras[b].position.z)
     }
 
     /// Returns the standard deviation of the log of the height of a camera.
@@ -112,99 +202,31 @@ impl<'a> JointSearch<'a> {
         self.site.colours[camera].as_ref().map_or(1.0, |colours| colours.height_sigma)
     }
 
-    /// Returns the prior of the height of a camera, as a cost.
-    fn prior(&self, camera: usize) -> f64 {
-        PRIOR_WEIGHT * (self.pose(camera).log_height / self.height_sigma(camera)).powi(2)
+    /// Computes a function of each pair, on all threads.
+    #[cfg(not(target_arch = "wasm32"))]
+    fn for_pairs<T: Send>(&self, compute: impl Fn(usize) -> T + Sync) -> Vec<T> {
+        let count = self.pairs.len();
+        let threads = std::thread::available_parallelism().map_or(1, usize::from).min(count);
+        if threads < 2 {
+            return (0..count).map(compute).collect();
+        }
+        let part = count.div_ceil(threads);
+        let mut results: Vec<Option<T>> = (0..count).map(|_| None).collect();
+        std::thread::scope(|scope| {
+            for (index, results) in results.chunks_mut(part).enumerate() {
+                let compute = &compute;
+                let pairs = index * part..;
+                scope.spawn(move || {
+                    results.iter_mut().zip(pairs).for_each(|(result, pair)| *result = Some(compute(pair)));
+                });
+            }
+        });
+        results.into_iter().flatten().collect()
     }
 
-    /// Returns the moves of a camera.
-    fn moves(&self, camera: usize) -> Vec<Move> {
-        let mut moves = vec![Move::Height];
-        if self.members.first() != Some(&camera) {
-            moves.extend([Move::Axis(0), Move::Axis(1), Move::Pivot, Move::Yaw]);
-            let others = self.pairs.iter().filter(|(views, _)| views.contains(&camera));
-            moves.extend(others.map(|([a, b], _)| Move::Baseline(if *a == camera { *b } else { *a })));
-        }
-        moves
-    }
-
-    /// Applies a move in both directions, and keeps it if the score increases. Returns whether it does.
-    fn try_move(&mut self, camera: usize, change: Move, steps: [f64; 2]) -> bool {
-        let own: Vec<usize> =
-            (0..self.pairs.len()).filter(|&index| self.pairs[index].0.contains(&camera)).collect();
-        let old = self.pose(camera);
-        let before = own.iter().map(|&index| self.values[index]).sum::<f64>() - self.prior(camera);
-        for sign in [1.0, -1.0] {
-            self.poses[camera] = Some(self.moved(camera, change, steps.map(|step| sign * step)));
-            let values: Vec<f64> = own.iter().map(|&index| self.value(index)).collect();
-            if values.iter().sum::<f64>() - self.prior(camera) > before {
-                own.iter().zip(values).for_each(|(&index, value)| self.values[index] = value);
-                return true;
-            }
-        }
-        self.poses[camera] = Some(old);
-        false
-    }
-
-    /// Returns the pose of a camera after a move.
-    fn moved(&self, camera: usize, change: Move, [shift, turn]: [f64; 2]) -> FloorPose {
-        let mut pose = self.pose(camera);
-        let step = shift * self.height;
-        match change {
-            Move::Axis(axis) => pose.at[axis] += step,
-            Move::Baseline(other) => {
-                let from = self.pose(other).at;
-                let [dx, dy] = [0, 1].map(|i| pose.at[i] - from[i]);
-                let length = dx.hypot(dy).max(1e-9);
-                pose.at = [pose.at[0] + 2.0 * step * dx / length, pose.at[1] + 2.0 * step * dy / length];
-            }
-            Move::Pivot => {
-                let given = &self.site.cameras[camera];
-                let is_level = given.pitch.abs() < MAX_PIVOT_PITCH;
-                let distance = if is_level { PIVOT_DISTANCE * given.position.z } else { 0.0 };
-                let ahead = |yaw: f64| [-distance * yaw.sin(), distance * yaw.cos()];
-                let (old, new) = (ahead(pose.yaw), ahead(pose.yaw + turn));
-                pose.yaw += turn;
-                pose.at = [0, 1].map(|i| pose.at[i] + old[i] - new[i]);
-            }
-            Move::Yaw => pose.yaw += turn,
-            Move::Height => pose.log_height += turn,
-        }
-        pose
-    }
-
-    /// Scales all positions about the first camera, and keeps the scale if the score increases.
-    fn try_scale(&mut self, step: f64) -> bool {
-        let (old, before) = (self.poses.clone(), self.values.iter().sum::<f64>());
-        let Some(&first) = self.members.first() else { return false };
-        let centre = self.pose(first).at;
-        for factor in [1.0 + step, 1.0 - step] {
-            for pose in self.poses.iter_mut().flatten() {
-                pose.at = [0, 1].map(|i| centre[i] + factor * (pose.at[i] - centre[i]));
-            }
-            let values: Vec<f64> = (0..self.pairs.len()).map(|index| self.value(index)).collect();
-            if values.iter().sum::<f64>() > before {
-                self.values = values;
-                return true;
-            }
-            self.poses.clone_from(&old);
-        }
-        false
-    }
-
-    /// Scales the group as a whole, so that the prior of the heights is largest. Colours do not determine
-    /// this scale.
-    fn centre_heights(&mut self) {
-        let (mut sum, mut weights) = (0.0, 0.0);
-        for &camera in &self.members {
-            let weight = self.height_sigma(camera).powi(-2);
-            sum += weight * self.pose(camera).log_height;
-            weights += weight;
-        }
-        let log = if weights > 0.0 { -sum / weights } else { 0.0 };
-        for pose in self.poses.iter_mut().flatten() {
-            pose.log_height += log;
-            pose.at = pose.at.map(|c| c * log.exp());
-        }
+    /// Computes a function of each pair.
+    #[cfg(target_arch = "wasm32")]
+    fn for_pairs<T: Send>(&self, compute: impl Fn(usize) -> T + Sync) -> Vec<T> {
+        (0..self.pairs.len()).map(compute).collect()
     }
 }

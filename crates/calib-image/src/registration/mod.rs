@@ -15,7 +15,7 @@
 //! pose of a pair has four parameters: yaw, position, and the ratio of the heights. Colours determine the
 //! length of the baseline least: poses with the same yaw and baseline direction form a ridge of the score. A
 //! pair is found if its best score is much larger than the best score outside this ridge. The joint search
-//! maximises the sum of the scores of all pairs of a group.
+//! maximises the sum of the scores of all pairs of a group, with Newton's method.
 //!
 //! The files in data-flow order:
 //!
@@ -25,7 +25,8 @@
 //! - `site_colours`: prepared data of all cameras, [`SiteColours`];
 //! - `relative_pose`, `pair_score`: pose of a pair and its score;
 //! - `coarse_search`: all poses of a pair; `pair_search`: refinement and decision, [`register_pair`];
-//! - `floor_pose`: spanning trees of pairs; `joint_search`: maximum of all pairs of a group;
+//! - `floor_pose`: spanning trees of pairs; `pair_model`: quadratic model of the score of a pair;
+//! - `joint_search`: maximum of all pairs of a group;
 //! - `site_registration`: the entry point, [`register`];
 //! - `site_placement`: placements in a site, [`PlacementSearch`].
 
@@ -41,6 +42,7 @@ mod pair_score;
 mod coarse_search;
 mod pair_search;
 mod floor_pose;
+mod pair_model;
 mod joint_search;
 mod site_registration;
 mod site_placement;

@@ -44,6 +44,9 @@ pub(crate) struct PairScore<'a> {
     pub(crate) ratio: f64,
     /// Standard deviation of the log of the height ratio.
     sigma: f64,
+    /// Distance from the first camera of the floor point about which it is rotated, in heights of the second
+    /// camera.
+    pub(crate) pivot_distance: f64,
     sides: [Side<'a>; 2],
 }
 
@@ -58,6 +61,16 @@ pub(crate) fn ratio_sigma([a, b]: [&CameraColours; 2]) -> f64 {
     (0.5 * (a.height_sigma.powi(2) + b.height_sigma.powi(2))).sqrt()
 }
 
+/// Returns the distance of the floor point on the optical axis, in heights of the camera. It is limited,
+/// because the axis of a level camera meets no floor.
+fn pivot_distance(camera: &CameraColours) -> f64 {
+    /// Largest distance, in heights.
+    const MAX_DISTANCE: f64 = 3.0;
+    let [x, y, z] = camera.rotation[2];
+    let level = x.hypot(y);
+    if level < -z * MAX_DISTANCE { level / -z } else { MAX_DISTANCE }
+}
+
 /// Selects the items of both cameras, with weights of a common sum.
 pub(crate) fn select_items([a, b]: [&CameraColours; 2], level: Level, count: usize) -> [Vec<Item>; 2] {
     let mut first = a.items(level).select(&b.background, count);
@@ -69,10 +82,16 @@ pub(crate) fn select_items([a, b]: [&CameraColours; 2], level: Level, count: usi
 impl<'a> PairScore<'a> {
     /// Creates the score of a pair of cameras.
     pub(crate) fn new(pair: [&'a CameraColours; 2], level: Level) -> Self {
+        Self::with_share(pair, level, 1.0)
+    }
+
+    /// Creates the score of a pair of cameras with a share of the items.
+    pub(crate) fn with_share(pair: [&'a CameraColours; 2], level: Level, share: f64) -> Self {
         let count = match level {
-            Level::Medium => 500,
-            Level::Fine => 1200,
+            Level::Medium => 500.0,
+            Level::Fine => 1200.0,
         };
+        let count = (share * count) as usize;
         let [a, b] = pair;
         let ratio = a.height / b.height;
         let [first, second] = select_items(pair, level, count);
@@ -84,7 +103,7 @@ impl<'a> PairScore<'a> {
             level,
         };
         let sides = [side(first, b, ratio), side(second, a, 1.0 / ratio)];
-        Self { ratio, sigma: ratio_sigma(pair), sides }
+        Self { ratio, sigma: ratio_sigma(pair), pivot_distance: ratio * pivot_distance(a), sides }
     }
 
     /// Whether neither image has an item.

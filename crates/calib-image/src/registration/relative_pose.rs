@@ -36,6 +36,18 @@ impl RelativePose {
         wrapped(self.yaw - other.yaw).abs() < tolerance && is_near
     }
 
+    /// Returns the pose after a change of yaw, log ratio, x and y. A is rotated about the floor point ahead
+    /// of it at the distance `pivot`, in heights of B.
+    pub(crate) fn pivoted(&self, [turn, log_ratio, x, y]: [f64; 4], pivot: f64) -> Self {
+        let ahead = |yaw: f64| [-pivot * yaw.sin(), pivot * yaw.cos()];
+        let (old, new) = (ahead(self.yaw), ahead(self.yaw + turn));
+        Self {
+            yaw: self.yaw + turn,
+            log_ratio: self.log_ratio + log_ratio,
+            at: [self.at[0] + old[0] - new[0] + x, self.at[1] + old[1] - new[1] + y],
+        }
+    }
+
     /// Returns the parameters: yaw, log ratio, x and y.
     pub(crate) fn to_parameters(self) -> [f64; 4] {
         [self.yaw, self.log_ratio, self.at[0], self.at[1]]

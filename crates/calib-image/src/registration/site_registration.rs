@@ -3,8 +3,9 @@
 use calib_core::{Camera, WorldPoint};
 
 use crate::registration::floor_pose::{FloorPose, Poses, is_usable, spanning_tree};
-use crate::registration::joint_search::JointSearch;
+use crate::registration::joint_search::{JointSearch, Stage};
 use crate::registration::local_view::View;
+use crate::registration::pair_model::Steps;
 use crate::registration::pair_search::{DECISION_TOLERANCE, PairDecision, PairRegistration, register_pair};
 use crate::registration::relative_pose::wrapped;
 use crate::registration::site_colours::{Level, SiteColours};
@@ -101,8 +102,16 @@ fn rank(pair: &PairRegistration) -> f64 {
     pair.ratio.min(MAX_RATIO) * pair.score
 }
 
-/// Estimates the poses of the group of the camera `first`. The joint maximum is narrow, so the search starts
-/// from several spanning trees: directly, and after a search at the medium level. The best result is refined.
+/// First stage of the joint search.
+const MEDIUM_STAGE: Stage = Stage { steps: Steps { shift: 0.3, turn: 0.08 }, rounds: 2, tolerance: 0.003 };
+/// Second stage.
+const FINE_STAGE: Stage = Stage { steps: Steps { shift: 0.075, turn: 0.02 }, rounds: 2, tolerance: 0.001 };
+/// Last stage.
+const LAST_STAGE: Stage = Stage { steps: Steps { shift: 0.06, turn: 0.016 }, rounds: 2, tolerance: 0.0002 };
+
+/// Estimates the poses of the group of the camera `first`. The joint maximum is narrow, so the search
+/// starts from several spanning trees. The best results of the medium level are refined at the fine level,
+/// and the best of these with all items.
 fn join_group(
     site: &SiteColours,
     pairs: &[PairRegistration],
@@ -110,30 +119,36 @@ fn join_group(
     first: usize,
     progress: &mut dyn FnMut(f64) -> bool,
 ) -> Option<Poses> {
+    /// Largest numbers of pairs with all items, in the first and the second stage.
+    const FULL_COUNTS: [f64; 2] = [4.0, 5.0];
+    /// Number of results of the first stage that are refined.
+    const FINE_COUNT: usize = 2;
+    /// Fractions of the work after the first and the second stage.
+    const DONE: [f64; 2] = [0.3, 0.7];
     let trees = distinct_trees(pairs, heights, first);
     let tree = trees.first()?;
     let used: Vec<&PairRegistration> = pairs.iter().filter(|pair| is_usable(pair, tree, heights)).collect();
-    let search = |level: Level| JointSearch::new(site, tree.clone(), &used, level);
-    let (mut medium, mut fine) = (search(Level::Medium), search(Level::Fine));
-    let mut best: Option<(f64, Poses)> = None;
-    let starts = trees.iter().flat_map(|tree| [(tree, false), (tree, true)]);
-    for (index, (tree, is_smoothed)) in starts.enumerate() {
-        fine.restart(tree.clone());
-        if is_smoothed {
-            medium.restart(tree.clone());
-            medium.climb(3, [0.3, 0.08]);
-            fine.restart(medium.poses.clone());
-        }
-        fine.climb(3, [0.15, 0.04]);
-        let score = fine.score();
-        if best.as_ref().is_none_or(|(most, _)| score > *most) {
-            best = Some((score, fine.poses.clone()));
-        }
-        progress(0.9 * (index + 1) as f64 / (2 * trees.len()) as f64).then_some(())?;
+    let search =
+        |level: Level, full_count: f64| JointSearch::new(site, tree.clone(), &used, level, full_count);
+    let mut medium = search(Level::Medium, FULL_COUNTS[0]);
+    let mut ranked: Vec<(f64, Poses)> = Vec::new();
+    for (index, start) in trees.iter().enumerate() {
+        let score = medium.maximise(start.clone(), MEDIUM_STAGE);
+        ranked.push((score, medium.poses.clone()));
+        progress(DONE[0] * (index + 1) as f64 / trees.len() as f64).then_some(())?;
     }
-    fine.restart(best?.1);
-    fine.climb(4, [0.1, 0.03]);
-    Some(fine.poses)
+    ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
+    ranked.truncate(FINE_COUNT);
+    let mut fine = search(Level::Fine, FULL_COUNTS[1]);
+    for (score, poses) in &mut ranked {
+        *score = fine.maximise(poses.clone(), FINE_STAGE);
+        poses.clone_from(&fine.poses);
+        progress(DONE[1]).then_some(())?;
+    }
+    let (_, best) = ranked.into_iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let mut last = search(Level::Fine, f64::INFINITY);
+    last.maximise(best, LAST_STAGE);
+    Some(last.poses)
 }
 
 /// Returns the spanning tree of the best pairs, and others with random ranks of the pairs.
