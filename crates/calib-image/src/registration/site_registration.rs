@@ -107,7 +107,7 @@ const MEDIUM_STAGE: Stage = Stage { steps: Steps { shift: 0.3, turn: 0.08 }, rou
 /// Second stage.
 const FINE_STAGE: Stage = Stage { steps: Steps { shift: 0.075, turn: 0.02 }, rounds: 2, tolerance: 0.001 };
 /// Last stage.
-const LAST_STAGE: Stage = Stage { steps: Steps { shift: 0.06, turn: 0.016 }, rounds: 2, tolerance: 0.0002 };
+const LAST_STAGE: Stage = Stage { steps: Steps { shift: 0.06, turn: 0.016 }, rounds: 3, tolerance: 0.0001 };
 
 /// Estimates the poses of the group of the camera `first`. The joint maximum is narrow, so the search
 /// starts from several spanning trees. The best results of the medium level are refined at the fine level,
