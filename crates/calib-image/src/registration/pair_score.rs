@@ -123,14 +123,14 @@ impl<'a> PairScore<'a> {
     }
 
     /// Maximises the score from a start with a pattern search: each parameter in turn, with steps that are
-    /// halved. `steps` contains the first steps of yaw (radians), log ratio, and position (heights).
-    pub(crate) fn climb(&self, start: &RelativePose, steps: [f64; 3]) -> (f64, RelativePose) {
-        const ROUNDS: usize = 3;
+    /// halved. `steps` contains the steps of yaw (radians), log ratio, and position (heights) of the first of
+    /// `rounds` rounds.
+    pub(crate) fn climb(&self, start: &RelativePose, steps: [f64; 3], rounds: usize) -> (f64, RelativePose) {
         const SWEEPS: usize = 6;
         let mut steps = [steps[0], steps[1], steps[2], steps[2]];
         let mut best = start.to_parameters();
         let mut score = self.score(start);
-        for _ in 0..ROUNDS {
+        for _ in 0..rounds {
             for _ in 0..SWEEPS {
                 let before = score;
                 for (i, step) in steps.into_iter().enumerate() {

@@ -10,6 +10,8 @@ use crate::registration::site_colours::{Level, SiteColours};
 /// Tolerance of a ridge for the decision, in radians. Poses on the ridge of the best pose are no
 /// alternatives.
 pub(crate) const DECISION_TOLERANCE: f64 = 12.0 * PI / 180.0;
+/// Number of poses that are refined with small steps at half resolution.
+const MEDIUM_COUNT: usize = 20;
 /// Number of poses that are refined at full resolution.
 const FINE_COUNT: usize = 8;
 /// Largest number of these poses on one ridge.
@@ -60,8 +62,12 @@ pub fn register_pair(site: &SiteColours, views: [usize; 2]) -> PairRegistration 
     if medium.is_empty() {
         return PairRegistration::new(views, &[], 1.0);
     }
-    let refine = |start: &RelativePose| medium.climb(start, [3.0 * PI / 180.0, 0.06, 0.125]);
+    let refine = |start: &RelativePose| medium.climb(start, [3.0 * PI / 180.0, 0.06, 0.125], 1);
     let mut ranked: Vec<(f64, RelativePose)> = coarse_peaks(pair).iter().map(refine).collect();
+    sort(&mut ranked);
+    ranked.truncate(MEDIUM_COUNT);
+    let refine = |(_, start): &(f64, RelativePose)| medium.climb(start, [1.5 * PI / 180.0, 0.03, 0.0625], 2);
+    ranked = ranked.iter().map(refine).collect();
     sort(&mut ranked);
     let mut starts: Vec<RelativePose> = Vec::new();
     for (_, pose) in &ranked {
@@ -71,7 +77,7 @@ pub fn register_pair(site: &SiteColours, views: [usize; 2]) -> PairRegistration 
         }
     }
     let fine = PairScore::new(pair, Level::Fine);
-    let refine = |start: &RelativePose| fine.climb(start, [PI / 180.0, 0.03, 0.0625]);
+    let refine = |start: &RelativePose| fine.climb(start, [PI / 180.0, 0.03, 0.0625], 3);
     let mut ranked: Vec<(f64, RelativePose)> = starts.iter().map(refine).collect();
     sort(&mut ranked);
     PairRegistration::new(views, &ranked, pair[1].height)

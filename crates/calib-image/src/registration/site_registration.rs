@@ -111,7 +111,7 @@ const LAST_STAGE: Stage = Stage { steps: Steps { shift: 0.06, turn: 0.016 }, rou
 
 /// Estimates the poses of the group of the camera `first`. The joint maximum is narrow, so the search
 /// starts from several spanning trees. The best results of the medium level are refined at the fine level,
-/// and the best of these with all items.
+/// and the best of these with more items.
 fn join_group(
     site: &SiteColours,
     pairs: &[PairRegistration],
@@ -119,8 +119,8 @@ fn join_group(
     first: usize,
     progress: &mut dyn FnMut(f64) -> bool,
 ) -> Option<Poses> {
-    /// Largest numbers of pairs with all items, in the first and the second stage.
-    const FULL_COUNTS: [f64; 2] = [4.0, 5.0];
+    /// Largest numbers of pairs with all items, in each stage.
+    const FULL_COUNTS: [f64; 3] = [4.0, 5.0, 20.0];
     /// Number of results of the first stage that are refined.
     const FINE_COUNT: usize = 2;
     /// Fractions of the work after the first and the second stage.
@@ -146,7 +146,7 @@ fn join_group(
         progress(DONE[1]).then_some(())?;
     }
     let (_, best) = ranked.into_iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
-    let mut last = search(Level::Fine, f64::INFINITY);
+    let mut last = search(Level::Fine, FULL_COUNTS[2]);
     last.maximise(best, LAST_STAGE);
     Some(last.poses)
 }
