@@ -146,6 +146,23 @@ fn smaller_images_give_the_same_pose() {
 }
 
 #[test]
+fn three_views_of_a_scene_are_registered_together() {
+    let [first, second] = cameras();
+    let truth = [first, second, camera([7.8, 2.0, 3.8], 1.4)];
+    let blocks = scene(7);
+    let images = truth.map(|camera| render(&camera, &blocks));
+    let result = register(&views(&truth, &images), &mut |_| true).unwrap();
+    assert_eq!(result.groups, [vec![0, 1, 2]]);
+    for index in [1, 2] {
+        let (found, expected) = (result.cameras[index].unwrap(), truth[index]);
+        let [x, y] = [expected.position.x - first.position.x, expected.position.y - first.position.y];
+        let error = (found.position.x - x).hypot(found.position.y - y);
+        assert!(error < 0.04 * x.hypot(y), "{found:?} {expected:?}");
+        assert!((found.yaw - expected.yaw).abs() < 0.02, "{found:?} {expected:?}");
+    }
+}
+
+#[test]
 fn two_scenes_are_not_registered() {
     let truth = cameras();
     let images = [render(&truth[0], &scene(7)), render(&truth[1], &scene(99))];
