@@ -136,7 +136,7 @@ impl App {
         let picture = self.pictures.ready(proposing.image()).map(|picture| Arc::clone(&picture.image));
         match proposing.poll(ctx, picture.as_ref()) {
             Some(Ok(proposal)) => {
-                self.act(Action::Automatic(AutomaticResult::Calibration(of, Box::new(proposal))))
+                self.act(Action::Automatic(AutomaticResult::Calibration(of, Box::new(proposal))));
             }
             Some(Err(error)) => {
                 self.act(Action::AddError(format!("Automatic calibration of {camera} failed: {error}.")));

@@ -69,8 +69,8 @@ impl<'a> JointSearch<'a> {
         let prior = |&camera: &usize| {
             PRIOR_WEIGHT * (self.pose(camera).log_height / self.height_sigma(camera)).powi(2)
         };
-        let values = self.for_pairs(|index| self.pairs[index].1.colour(&self.relative(index)));
-        values.iter().sum::<f64>() - self.members.iter().map(prior).sum::<f64>()
+        let value = |index: usize| self.pairs[index].1.colour(&self.relative(index));
+        (0..self.pairs.len()).map(value).sum::<f64>() - self.members.iter().map(prior).sum::<f64>()
     }
 
     /// Maximises the score from the given poses. Returns the score.
@@ -103,8 +103,9 @@ impl<'a> JointSearch<'a> {
         const TRIALS: usize = 5;
         /// Smallest damping.
         const MIN_DAMPING: f64 = 0.1;
-        let models =
-            self.for_pairs(|index| PairModel::new(&self.pairs[index].1, &self.relative(index), steps));
+        let models: Vec<PairModel> = (0..self.pairs.len())
+            .map(|index| PairModel::new(&self.pairs[index].1, &self.relative(index), steps))
+            .collect();
         let (matrix, gradient) = self.normal_equations(&models);
         let old = self.poses.clone();
         for _ in 0..TRIALS {
@@ -200,33 +201,5 @@ impl<'a> JointSearch<'a> {
     /// Returns the standard deviation of the log of the height of a camera.
     fn height_sigma(&self, camera: usize) -> f64 {
         self.site.colours[camera].as_ref().map_or(1.0, |colours| colours.height_sigma)
-    }
-
-    /// Computes a function of each pair, on all threads.
-    #[cfg(not(target_arch = "wasm32"))]
-    fn for_pairs<T: Send>(&self, compute: impl Fn(usize) -> T + Sync) -> Vec<T> {
-        let count = self.pairs.len();
-        let threads = std::thread::available_parallelism().map_or(1, usize::from).min(count);
-        if threads < 2 {
-            return (0..count).map(compute).collect();
-        }
-        let part = count.div_ceil(threads);
-        let mut results: Vec<Option<T>> = (0..count).map(|_| None).collect();
-        std::thread::scope(|scope| {
-            for (index, results) in results.chunks_mut(part).enumerate() {
-                let compute = &compute;
-                let pairs = index * part..;
-                scope.spawn(move || {
-                    results.iter_mut().zip(pairs).for_each(|(result, pair)| *result = Some(compute(pair)));
-                });
-            }
-        });
-        results.into_iter().flatten().collect()
-    }
-
-    /// Computes a function of each pair.
-    #[cfg(target_arch = "wasm32")]
-    fn for_pairs<T: Send>(&self, compute: impl Fn(usize) -> T + Sync) -> Vec<T> {
-        (0..self.pairs.len()).map(compute).collect()
     }
 }

@@ -109,10 +109,12 @@ impl PairRegistration {
 }
 
 impl PairDecision {
-    /// Decides from the score and the ratio. The thresholds are from pairs with known poses: no pair of
-    /// unrelated views has both a larger ratio and a larger score.
+    /// Decides from the score and the ratio. The thresholds are from pairs with known poses. Unrelated views
+    /// have no large ratio together with a large score. Symmetric scenes, such as equal racks on both sides of
+    /// an aisle, reach a ratio of 1.46 with the opposite pose, at scores below 1000.
     fn new(score: f64, ratio: f64) -> Self {
-        if ratio >= 1.4 && score >= 500.0 {
+        let min_ratio = if score < 1000.0 { 1.5 } else { 1.4 };
+        if ratio >= min_ratio && score >= 500.0 {
             Self::Found
         } else if ratio >= 1.2 && score >= 250.0 {
             Self::Ambiguous
