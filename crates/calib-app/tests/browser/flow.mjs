@@ -419,6 +419,38 @@ async function propose() {
   await desk.context.close();
 }
 
+/** Calibrates and places three dropped images in workers with one key; cancels it first, and takes it back in two steps. */
+async function all() {
+  const desk = await Desk.open(browser, `${address}?test=1`);
+  const names = ["shop-1.png", "shop-2.png", "shop-3.png"];
+  const images = await desk.page.evaluate(async (names) => {
+    const base64 = (bytes) => btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
+    return Promise.all(names.map(async (name) => base64(await calib.picture(name))));
+  }, names);
+  await desk.drop(names.map((name, index) => [name.replace("png", "jpg"), "image/jpeg", Buffer.from(images[index], "base64")]));
+  await desk.until("three cameras", (state) => state.site.cameras.length === 3);
+  await desk.settled();
+  const drawn = (state) => state.site.cameras.filter((camera) => camera.annotations.length).length;
+  const placed = (state) => state.site.cameras.filter((camera) => camera.placement?.estimated).length;
+  await desk.key("Shift+A");
+  await desk.until("the first image", (state) => state.automatic?.startsWith("calibrating"));
+  await desk.press("Cancel the running task");
+  const stopped = await desk.until("stopped", (state) => !state.automatic);
+  assert.match(stopped.note, /no camera was placed/);
+  assert.equal(drawn(stopped), 0);
+  const start = Date.now();
+  await desk.key("Shift+A");
+  await desk.until("placed", (state) => !state.automatic && placed(state) === 3);
+  console.log(`three images calibrated and placed in ${((Date.now() - start) / 1000).toFixed(1)} s`);
+  await desk.picture("all");
+  await desk.key("Control+z");
+  await desk.until("the calibrations remain", (state) => placed(state) === 0 && drawn(state) === 3);
+  await desk.key("Control+z");
+  await desk.until("everything is taken back", (state) => drawn(state) === 0);
+  desk.fine();
+  await desk.context.close();
+}
+
 /** Converts an SVG drawing to the image of the plan; reads the scale of a DXF, and refuses a PDF with advice. */
 async function drawing() {
   const desk = await Desk.open(browser, `${address}?test=1`);
@@ -621,6 +653,7 @@ await step("offline", offline);
 await step("versions", versions);
 await step("refine", refine);
 await step("propose", propose);
+await step("all", all);
 await step("drawing", drawing);
 await step("video", video);
 await step("touch", touch);
