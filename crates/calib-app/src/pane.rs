@@ -5,6 +5,7 @@ use std::sync::Arc;
 use calib_core::{Distortion, Pixel};
 
 use calib_core::floor::annotated_line_curve;
+use calib_editor::command::Gesture;
 use calib_editor::{Action, NewerUnderPointer, Pane, Phase, Pointer, hit, snap};
 use egui::{CursorIcon, Event, Modifiers, Painter, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 
@@ -67,8 +68,35 @@ fn is_over(ui: &Ui, rect: Rect, at: Pos2) -> bool {
     rect.contains(at) && ui.clip_rect().contains(at) && ui.ctx().layer_id_at(at) == Some(ui.layer_id())
 }
 
+/// Takes back what the first finger of a pinch began. Returns whether the pointer events belong to a pinch.
+fn is_pinch(app: &mut App, ui: &Ui) -> bool {
+    let (has_two, has_any) = ui.input(|i| (i.multi_touch().is_some(), i.any_touches()));
+    let panes = &mut app.view.panes;
+    if has_two && !panes.has_pinch {
+        panes.has_pinch = true;
+        let (has_pressed, was_idle) = (panes.captured.is_some(), panes.was_idle);
+        panes.forget_pointer();
+        if has_pressed && was_idle {
+            app.act(Action::CancelGesture);
+        } else if has_pressed {
+            app.act(Action::Gesture(Gesture::StepBack));
+        }
+    } else if !has_any {
+        panes.has_pinch = false;
+    }
+    app.view.panes.has_pinch
+}
+
+/// Returns the distance at which a handle responds, in points: a finger is less precise than a mouse.
+fn hit_radius(ui: &Ui) -> f32 {
+    if ui.input(egui::InputState::any_touches) { theme::TOUCH_HIT } else { theme::HIT }
+}
+
 /// Sends the pointer events on a canvas to the current tool.
 fn pointer_events(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &Mapping) {
+    if is_pinch(app, ui) {
+        return;
+    }
     let (events, time, modifiers) = ui.input(|i| (i.events.clone(), i.time, i.modifiers));
     let is_move = |event: &Event| matches!(event, Event::PointerMoved(_));
     let mut events =
@@ -179,7 +207,7 @@ fn send_pointer(
         _ => mapping.document(at),
     };
     let at_px = match pane {
-        Pane::Plan => snapped(app, at_px, mapping.units(theme::HIT)).unwrap_or(at_px),
+        Pane::Plan => snapped(app, at_px, mapping.units(hit_radius(ui))).unwrap_or(at_px),
         Pane::Image(_) => at_px,
     };
     app.view.panes.pointed = at_px;
@@ -195,7 +223,7 @@ fn send_pointer(
         at: at_px,
         phase,
         modifiers: keys::held(modifiers),
-        radius: mapping.units(theme::HIT),
+        radius: mapping.units(hit_radius(ui)),
         point_size: mapping.units(1.0),
         moved: app.view.panes.moved,
         double: app.view.panes.double,

@@ -131,6 +131,8 @@ pub mod on_image {
 pub const HANDLE: f32 = 3.5;
 /// Radius within which a press hits a handle, in points.
 pub const HIT: f32 = 8.0;
+/// Distance at which a handle responds to a finger, in points.
+pub const TOUCH_HIT: f32 = 24.0;
 
 /// Returns the colour of an annotation kind on images.
 #[must_use]
@@ -242,6 +244,8 @@ fn visuals(base: Visuals, p: &Palette) -> Visuals {
     v.window_fill = p.panel;
     v.window_stroke = Stroke::new(1.0, p.line);
     v.extreme_bg_color = p.bg;
+    // A field looks like paper in the light theme, and like a hole in the dark theme.
+    v.text_edit_bg_color = Some(if v.dark_mode { p.bg } else { p.raised });
     v.faint_bg_color = p.raised;
     v.hyperlink_color = p.accent;
     v.warn_fg_color = p.warn;

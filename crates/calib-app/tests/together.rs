@@ -18,6 +18,24 @@ fn stage(desk: &Desk, camera: usize) -> Stage {
 }
 
 #[test]
+fn camera_with_a_rejected_link_is_not_done() {
+    let mut site = demo();
+    let is_point = |link: &&mut calib_site::Link| link.seen.len() > 2 && link.seen[0].px.is_some();
+    let link = site.links.iter_mut().find(is_point).unwrap();
+    let camera = link.seen[0].camera.clone();
+    let at = link.seen[0].px.unwrap();
+    link.seen[0].px = Some(Pixel::new(at.u + 150.0, at.v - 60.0));
+    let mut desk = Desk::new(site);
+    desk.refine();
+    let session = desk.harness.state().editor.session();
+    let index = session.site.cameras.iter().position(|entry| entry.id == camera).unwrap();
+    let status = calib_editor::camera_status(session, index);
+    assert_eq!(status.text, "check 1 rejected link");
+    assert_eq!(status.level, calib_editor::StatusLevel::Contradictory);
+    assert!(!calib_editor::steps::is_finished(session, index));
+}
+
+#[test]
 fn out_of_date_solution_is_shown_and_updated_by_one_button() {
     let mut desk = Desk::new(demo());
     desk.refine();
@@ -31,15 +49,15 @@ fn out_of_date_solution_is_shown_and_updated_by_one_button() {
     for key in [Key::Num1, Key::Num2, Key::Num3] {
         desk.key(key);
         let words = desk.words().join("\n");
-        assert!(words.contains("changed since the last Refine"), "{words}");
+        assert!(words.contains("changed since the cameras were refined"), "{words}");
     }
     desk.key(Key::Num1);
-    desk.harness.get_by_label("Refine again").click();
+    desk.harness.get_by_label("Refine all again").click();
     desk.harness.run_steps(2);
     desk.wait(|app| !app.is_working());
     desk.harness.run_steps(3);
     assert!(desk.harness.state().editor.session().solved.is_joint_current());
-    assert!(desk.harness.query_by_label("Refine again").is_none());
+    assert!(desk.harness.query_by_label("Refine all again").is_none());
 }
 
 #[test]

@@ -8,7 +8,7 @@ mod desk;
 use calib_app::state::Place;
 use calib_editor::Pane;
 use desk::{Desk, demo};
-use egui::{Key, Vec2};
+use egui::{Event, Key, Modifiers, PointerButton, TouchDeviceId, TouchId, TouchPhase, Vec2};
 use egui_kittest::kittest::Queryable as _;
 
 #[test]
@@ -27,6 +27,65 @@ fn panels_collapse_by_the_current_window_width() {
         let hint = desk.harness.get_by_label_contains("Click a line or handle").rect();
         assert!(hint.width() > 150.0, "{hint:?} in a window of {size:?}");
     }
+}
+
+#[test]
+fn camera_is_removed_from_its_own_menu() {
+    let mut desk = Desk::new(demo());
+    let row = desk.harness.get_by_label("Camera shop-2").rect().center();
+    for pressed in [true, false] {
+        let (button, modifiers) = (PointerButton::Secondary, Modifiers::NONE);
+        desk.harness.input_mut().events.push(Event::PointerMoved(row));
+        desk.harness.input_mut().events.push(Event::PointerButton { pos: row, button, pressed, modifiers });
+        desk.harness.step();
+    }
+    desk.harness.run_steps(2);
+    desk.harness.get_by_label("Remove this camera").click();
+    desk.harness.run_steps(3);
+    assert!(desk.site().cameras.iter().all(|camera| camera.id != "shop-2"));
+    assert!(desk.site().cameras.iter().any(|camera| camera.id == "shop-1"));
+}
+
+#[test]
+fn two_fingers_draw_nothing() {
+    let mut desk = Desk::new(demo());
+    desk.take("Vertical");
+    let before = desk.site().clone();
+    let at = desk.app().view.panes.rects[&(Place::Main, Pane::Image(0))].center();
+    let finger = |id: u64, phase: TouchPhase, pos: egui::Pos2| Event::Touch {
+        device_id: TouchDeviceId(0),
+        id: TouchId(id),
+        phase,
+        pos,
+        force: None,
+    };
+    let button = |pos: egui::Pos2, pressed: bool| Event::PointerButton {
+        pos,
+        button: PointerButton::Primary,
+        pressed,
+        modifiers: Modifiers::NONE,
+    };
+    // The first finger acts as the pointer; the second begins the pinch.
+    let events = [
+        vec![finger(1, TouchPhase::Start, at), Event::PointerMoved(at), button(at, true)],
+        vec![finger(2, TouchPhase::Start, at + Vec2::splat(40.0))],
+        vec![
+            finger(1, TouchPhase::Move, at + Vec2::splat(-90.0)),
+            Event::PointerMoved(at + Vec2::splat(-90.0)),
+        ],
+        vec![
+            finger(2, TouchPhase::End, at),
+            finger(1, TouchPhase::End, at),
+            button(at + Vec2::splat(-90.0), false),
+            Event::PointerGone,
+        ],
+    ];
+    for part in events {
+        desk.harness.input_mut().events.extend(part);
+        desk.harness.step();
+    }
+    desk.harness.run_steps(2);
+    assert!(*desk.site() == before && desk.app().editor.tool().is_idle());
 }
 
 #[test]
@@ -50,7 +109,7 @@ fn sections_are_headings_and_undo_is_shown_once() {
     assert!(steps.rect().width() > 0.0);
     let undo = desk.words().into_iter().filter(|word| word.starts_with("Undo add")).count();
     assert_eq!(undo, 1);
-    desk.keys(egui::Modifiers::SHIFT, Key::Questionmark);
+    desk.keys(Modifiers::SHIFT, Key::Questionmark);
     for title in ["Tools", "Files", "Selection", "View"] {
         let heading = desk.harness.query_by_role_and_label(egui::Role::Heading, title);
         assert!(heading.is_some(), "the key sheet has a group {title}");

@@ -235,7 +235,7 @@ commands! {
     Solving {
         Pause "Pause or resume solving" NONE F8;
         Refine "Place and refine all cameras" [Cameras] NONE F9;
-        CompareBefore "Show or hide the poses before Refine" [Before] NONE B;
+        CompareBefore "Show or hide the poses before the refinement" [Before] NONE B;
         FixPlacement "Fix or unfix this camera's placement" [Camera];
         ResetPlacement "Remove this camera's placement" [Camera];
     }

@@ -57,7 +57,7 @@ impl Session {
     /// the result is discarded.
     pub fn commit_refined(&mut self, from: &Site, refined: &Site) {
         if self.site != *from {
-            let note = "The result was discarded: the site changed during Refine. Refine again.";
+            let note = "The result was discarded, because the site was changed during the refinement. Press F9 again.";
             self.note = Some(note.into());
             return;
         }

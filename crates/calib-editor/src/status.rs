@@ -5,7 +5,7 @@ use calib_core::{Code, Severity};
 use calib_site::{Warning, counted};
 
 use crate::session::Session;
-use crate::steps::{FIELD, LENS, PLACE, Step, is_serious, nonstraightness_px, steps};
+use crate::steps::{FIELD, LENS, PLACE, Step, is_serious, nonstraightness_px, rejected_links, steps};
 
 /// Level of a camera's status.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -55,6 +55,11 @@ fn contradiction(session: &Session, camera: usize) -> Option<CameraStatus> {
         let rejected = counted(suspects, "rejected line or point", "rejected lines or points");
         return Some(CameraStatus::new(format!("check {rejected}"), StatusLevel::Contradictory));
     }
+    let links = rejected_links(session, camera);
+    if links > 0 {
+        let text = format!("check {}", counted(links, "rejected link", "rejected links"));
+        return Some(CameraStatus::new(text, StatusLevel::Contradictory));
+    }
     let misfit = solution.warnings.iter().find(|warning| warning.code == Code::Misfit)?;
     let text = match (nonstraightness_px(session, camera), solution.chi2, solution.dof) {
         (Some(px), ..) => format!("lines curved by {px:.0} px, lens not fitted"),
@@ -88,7 +93,7 @@ fn remaining_problem(session: &Session, camera: usize) -> Option<CameraStatus> {
     session
         .solved
         .is_out_of_date(camera)
-        .then(|| CameraStatus::new("changed since the last Refine".into(), StatusLevel::Incomplete))
+        .then(|| CameraStatus::new("changed since the cameras were refined".into(), StatusLevel::Incomplete))
 }
 
 /// Returns the first sentence of a warning, without the full stop.

@@ -190,7 +190,9 @@ fn placement_state(session: &Session, camera: usize) -> String {
     let solution = session.solved.solution(camera).filter(|solution| solution.stage >= Stage::Placed);
     let Some(entry) = session.site.cameras.get(camera) else { return String::new() };
     match (solution, session.is_fixed_by_control_points(camera)) {
-        (Some(_), _) if session.solved.is_out_of_date(camera) => "changed since the last Refine".into(),
+        (Some(_), _) if session.solved.is_out_of_date(camera) => {
+            "changed since the cameras were refined".into()
+        }
         (Some(_), true) => counted(used_points(session, entry), "control point", "control points"),
         (Some(solution), false) if solution.stage == Stage::Refined => "refined with other cameras".into(),
         (Some(_), false) => "placed by hand".into(),
@@ -291,7 +293,7 @@ pub fn missing_steps(session: &Session, camera: usize) -> usize {
     steps(session, camera).iter().filter(|step| !step.is_done && !step.is_optional).count()
 }
 
-/// Whether all required steps are done and the result has no serious warning.
+/// Whether all required steps are done, no link was rejected, and the result has no serious warning.
 #[must_use]
 pub fn is_finished(session: &Session, camera: usize) -> bool {
     let is_good = session
@@ -299,7 +301,20 @@ pub fn is_finished(session: &Session, camera: usize) -> bool {
         .solution(camera)
         .is_some_and(|s| !s.warnings.iter().any(|warning| is_serious(warning.code)));
     let is_fresh = !session.solved.is_out_of_date(camera) && nonstraightness_px(session, camera).is_none();
-    is_good && is_fresh && missing_steps(session, camera) == 0
+    is_good && is_fresh && missing_steps(session, camera) == 0 && rejected_links(session, camera) == 0
+}
+
+/// Returns the number of links whose observation in a camera the joint refinement rejected.
+pub(crate) fn rejected_links(session: &Session, camera: usize) -> usize {
+    let Some(entry) = session.site.cameras.get(camera).filter(|_| session.site.owns_links(camera)) else {
+        return 0;
+    };
+    let is_rejected = |&link: &usize| {
+        let solution = session.solved.joint_link(&session.site, link);
+        let mut residuals = solution.into_iter().flat_map(|solution| &solution.residuals);
+        residuals.any(|residual| residual.outlier && residual.camera == entry.id)
+    };
+    (0..session.site.links.len()).filter(is_rejected).count()
 }
 
 /// Whether a warning must be resolved before a camera is finished.

@@ -236,6 +236,7 @@ impl App {
         }
         if was_empty && !self.editor.site().cameras.is_empty() {
             self.act(Action::SelectCamera(0));
+            self.show(Mode::Image);
         }
         if let Some(task) = self.jobs.replacing.take() {
             match task.poll() {

@@ -200,7 +200,8 @@ fn path_ui(app: &mut App, ui: &mut Ui, mut field: PathField) {
     ui.label(RichText::new(why).color(palette.text2));
     let typed = ui.add(TextEdit::singleline(&mut field.text).desired_width(400.0)).labelled_by(label.id);
     let is_entered = typed.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
-    let mut decided = is_entered.then(|| Some(field.clone()));
+    let is_left = typed.lost_focus() && ui.input(|input| input.key_pressed(Key::Escape));
+    let mut decided = is_entered.then(|| Some(field.clone())).or_else(|| is_left.then_some(None));
     ui.horizontal(|ui| {
         if ui.button("OK").clicked() {
             decided = Some(Some(field.clone()));

@@ -78,7 +78,7 @@ pub(crate) fn agreement(app: &mut App, ui: &mut Ui) {
     heading(ui, "All cameras together", "");
     let mut chosen = None;
     ui.horizontal(|ui| {
-        let text = RichText::new("Refine").color(palette.bg).font(theme::medium(12.0));
+        let text = RichText::new("Refine all").color(palette.bg).font(theme::medium(12.0));
         if ui.add(egui::Button::new(text).fill(palette.accent)).clicked() {
             chosen = Some(Command::Refine);
         }
@@ -237,9 +237,9 @@ pub(crate) fn out_of_date_ui(app: &mut App, ui: &mut Ui) {
     let mut again = false;
     Frame::NONE.fill(palette.warn_bg).inner_margin(Margin::symmetric(12, 8)).show(ui, |ui| {
         ui.set_width(ui.available_width());
-        let what = "The site has changed since the last Refine. Refine again.";
+        let what = "The site has changed since the cameras were refined.";
         ui.label(RichText::new(what).color(palette.warn));
-        again = ui.button("Refine again").clicked();
+        again = ui.button("Refine all again").clicked();
     });
     if again {
         app.send_command(Command::Refine);

@@ -5,13 +5,15 @@ use calib_core::{floor_grid, on_image};
 use calib_editor::{Action, CameraStatus, Family, Fit, StatusLevel, camera_status, steps, summary};
 use calib_image::CameraChange;
 use egui::{
-    Align2, Color32, Key, Painter, Rect, RichText, Role, ScrollArea, Sense, Slider, Stroke, TextEdit, Ui,
-    Vec2, WidgetInfo,
+    Align2, Color32, Key, Painter, Popup, Rect, Response, RichText, Role, ScrollArea, Sense, Slider, Stroke,
+    TextEdit, Ui, Vec2, WidgetInfo,
 };
 
 use crate::canvas::{Mapping, View};
 use crate::choice::Purpose;
+use crate::command::Command;
 use crate::compare::panel;
+use crate::handles::rows as command_rows;
 use crate::icons::{self, Icon, Look};
 use crate::overlay::grid_step;
 use crate::paint::{Pen, chip, line};
@@ -158,8 +160,35 @@ fn row(app: &mut App, ui: &mut Ui, camera: usize, rail: bool) -> bool {
     } else {
         words(app, ui, camera, rect, thumb);
     }
+    context_menu(app, &response, camera);
     let response = response.on_hover_text(summary(app.editor.session(), camera));
     response.clicked() || response.has_focus() && ui.input(|i| i.key_pressed(Key::Enter))
+}
+
+/// Shows the context menu of a camera while it is open. Its commands apply to the selected camera.
+fn context_menu(app: &mut App, response: &Response, camera: usize) {
+    /// Commands of the menu, in groups.
+    const MENU: [&[Command]; 3] = [
+        &[Command::Propose, Command::CopyLines, Command::PasteLines],
+        &[Command::CompareStill, Command::ReplaceStill],
+        &[Command::FixPlacement, Command::ResetPlacement, Command::RemoveCamera],
+    ];
+    if response.secondary_clicked() {
+        app.send(Action::CancelGesture);
+        app.send(Action::SelectCamera(camera));
+    }
+    let mut chosen = None;
+    Popup::context_menu(response).show(|ui| {
+        for (index, group) in MENU.iter().enumerate() {
+            if index > 0 {
+                ui.separator();
+            }
+            command_rows(app, ui, group, &mut chosen);
+        }
+    });
+    if let Some(command) = chosen {
+        app.send_command(command);
+    }
 }
 
 fn words(app: &App, ui: &Ui, camera: usize, rect: Rect, thumb: Rect) {

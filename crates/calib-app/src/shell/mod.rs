@@ -10,10 +10,13 @@ pub mod topbar;
 pub mod views;
 
 use calib_editor::{Icon, Part};
-use egui::{CentralPanel, Frame, Margin, Panel, ScrollArea, Ui};
+use egui::{
+    Align2, CentralPanel, Frame, Id, LayerId, Margin, Order, Panel, ScrollArea, Stroke, StrokeKind, Ui,
+};
 
 use crate::annotate::{annotations, lens, links, measurements, result, steps};
 use crate::files::{outside, start, video};
+use crate::paint::tag;
 use crate::plan::{agreement, distances, ground_points, placement, planes, survey};
 use crate::state::{App, Mode};
 use crate::widgets::{NARROW, PHONE, section};
@@ -81,7 +84,7 @@ pub fn window_ui(app: &mut App, ui: &mut Ui) {
                 .show(ui, |ui| right(app, ui));
         }
         if !phone {
-            Panel::right(egui::Id::unique(("right", widths.kind)))
+            Panel::right(Id::unique(("right", widths.kind)))
                 .default_size(widths.right)
                 .size_range(200.0..=widths.right_most)
                 .frame(inset)
@@ -107,6 +110,20 @@ pub fn window_ui(app: &mut App, ui: &mut Ui) {
         video::video_ui(app, ui.ctx());
     }
     outside::asked_ui(app, ui.ctx());
+    highlight_drop(ui);
+}
+
+/// Outlines the window while files are dragged over it.
+fn highlight_drop(ui: &Ui) {
+    if ui.input(|input| input.raw.hovered_files.is_empty()) {
+        return;
+    }
+    let palette = theme::palette(ui.ctx());
+    let rect = ui.ctx().content_rect();
+    let painter = ui.ctx().layer_painter(LayerId::new(Order::Foreground, Id::unique("drop")));
+    painter.rect_stroke(rect.shrink(3.0), 4.0, Stroke::new(3.0, palette.accent), StrokeKind::Inside);
+    let text = "Drop images, a plan, a video, a site or calibrations";
+    tag(&painter, rect.center(), Align2::CENTER_CENTER, text, palette.accent);
 }
 
 /// Whether the mark tool is active, or a mark or one of its pins is selected.

@@ -6,6 +6,7 @@ use calib_core::{Pixel, SurfaceProjector, WorldPoint};
 use calib_editor::{Action, Pane, TOOLS, plan_scale};
 use calib_image::Confidence;
 use calib_site::{Stage, counted};
+use egui::scroll_area::ScrollBarVisibility;
 use egui::{Align, Align2, Layout, RichText, Ui, Vec2};
 
 use crate::icons::{self, Icon, Look};
@@ -253,37 +254,43 @@ const TOOLS_BEFORE_GAP: [&str; 3] = ["Select", "Upright", "Mark"];
 
 /// Shows the strip of tools.
 pub(crate) fn toolstrip_ui(app: &mut App, ui: &mut Ui) {
-    let palette = theme::palette(ui.ctx());
-    let dark = ui.visuals().dark_mode;
     ui.add_space(6.0);
     // The buttons share the available height.
     let height = ((ui.available_height() - 24.0) / TOOLS.len() as f32).clamp(22.0, 34.0);
     let mut chosen = None;
-    ui.vertical_centered(|ui| {
-        ui.spacing_mut().item_spacing.y = 1.0;
-        for (index, row) in TOOLS.iter().enumerate() {
-            let colour = row.kind.map(|kind| theme::kind_icon(kind, dark));
-            let look = Look {
-                size: Vec2::new(36.0, height),
-                chosen: index == app.editor.tool_row(),
-                colour,
-                ..Look::default()
-            };
-            let label = format!("{} tool", row.title);
-            let key = row.key.map_or("", calib_editor::Key::name);
-            let tip = if key.is_empty() { row.title.into() } else { format!("{}  ({key})", row.title) };
-            let response = icons::button(ui, row.icon.into(), &label, &tip, look);
-            let corner = response.rect.right_bottom() - Vec2::new(2.0, 1.0);
-            ui.painter().text(corner, Align2::RIGHT_BOTTOM, key, theme::regular(10.0), palette.text3);
-            if response.clicked() {
-                chosen = Some(index);
-            }
-            if TOOLS_BEFORE_GAP.contains(&row.title) {
-                ui.add_space(4.0);
-            }
-        }
+    // A low window scrolls the strip.
+    egui::ScrollArea::vertical().scroll_bar_visibility(ScrollBarVisibility::AlwaysHidden).show(ui, |ui| {
+        ui.vertical_centered(|ui| tools(app, ui, height, &mut chosen));
     });
     if let Some(index) = chosen {
         app.send(Action::SelectTool(index));
+    }
+}
+
+/// Shows the buttons of the tools; a click sets `chosen`.
+fn tools(app: &App, ui: &mut Ui, height: f32, chosen: &mut Option<usize>) {
+    let palette = theme::palette(ui.ctx());
+    let dark = ui.visuals().dark_mode;
+    ui.spacing_mut().item_spacing.y = 1.0;
+    for (index, row) in TOOLS.iter().enumerate() {
+        let colour = row.kind.map(|kind| theme::kind_icon(kind, dark));
+        let look = Look {
+            size: Vec2::new(36.0, height),
+            chosen: index == app.editor.tool_row(),
+            colour,
+            ..Look::default()
+        };
+        let label = format!("{} tool", row.title);
+        let key = row.key.map_or("", calib_editor::Key::name);
+        let tip = if key.is_empty() { row.title.into() } else { format!("{}  ({key})", row.title) };
+        let response = icons::button(ui, row.icon.into(), &label, &tip, look);
+        let corner = response.rect.right_bottom() - Vec2::new(2.0, 1.0);
+        ui.painter().text(corner, Align2::RIGHT_BOTTOM, key, theme::regular(10.0), palette.text3);
+        if response.clicked() {
+            *chosen = Some(index);
+        }
+        if TOOLS_BEFORE_GAP.contains(&row.title) {
+            ui.add_space(4.0);
+        }
     }
 }

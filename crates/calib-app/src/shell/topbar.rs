@@ -65,12 +65,15 @@ pub fn topbar_ui(app: &mut App, ui: &mut Ui) {
 fn menu(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
     let response = icons::button(ui, Icon::Menu, "Menu", "Menu", Look::default());
     egui::Popup::menu(&response).show(|ui| {
-        for (i, group) in MENU.iter().enumerate() {
-            if i > 0 {
-                ui.separator();
+        let height = ui.ctx().content_rect().bottom() - response.rect.bottom() - 24.0;
+        egui::ScrollArea::vertical().max_height(height).show(ui, |ui| {
+            for (i, group) in MENU.iter().enumerate() {
+                if i > 0 {
+                    ui.separator();
+                }
+                rows(app, ui, group, chosen);
             }
-            rows(app, ui, group, chosen);
-        }
+        });
     });
 }
 

@@ -60,6 +60,8 @@ pub struct Panes {
     pub(crate) double: bool,
     /// Whether no gesture was active before the last press.
     pub(crate) was_idle: bool,
+    /// Whether a second finger has ended the gesture; the fingers pan and zoom until all are lifted.
+    pub(crate) has_pinch: bool,
     /// Time in seconds and screen point of the last press that can begin a double click.
     pub(crate) last_press: Option<(f64, Pos2)>,
     /// Canvas with a minimap, and the minimap's rectangle.

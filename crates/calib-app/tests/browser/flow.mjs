@@ -574,6 +574,18 @@ async function touch() {
   const after = await zoom();
   assert(after > 2 * before, `${before} to ${after}`);
   assert(!(await desk.state()).site.cameras[0].annotations?.length, "two fingers draw nothing");
+  // Also with a drawing tool, and if the second finger comes later.
+  await desk.key("v");
+  const { generation } = await desk.state();
+  await fingers("touchStart", [[x - 20, y]]);
+  await desk.painted(120);
+  await fingers("touchStart", [[x - 20, y], [x + 20, y]]);
+  for (let d = 25; d <= 80; d += 5) await fingers("touchMove", [[x - d, y], [x + d, y]]);
+  await fingers("touchEnd", [[x - 80, y]]);
+  await fingers("touchMove", [[x - 120, y + 90]]);
+  await fingers("touchEnd", []);
+  await desk.painted(300);
+  assert.equal((await desk.state()).generation, generation, "a pinch draws nothing with a drawing tool");
   desk.fine();
   await desk.context.close();
 }
