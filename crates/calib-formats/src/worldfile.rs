@@ -1,5 +1,5 @@
 //! World files of floor plans (`.pgw`, `.jgw`, `.wld`): six numbers, one on each line, for the position of
-//! the plan image. They have no units and no coordinate system; metres are assumed.
+//! the plan image. They have no units and no coordinate system; metres are assumed. Probable degrees are rejected.
 //!
 //! The numbers are A, D, B, E, C, F in this order. They define the world point x = A i + B j + C and
 //! y = D i + E j + F. i and j count pixels to the right and down from the centre of the first pixel.
@@ -26,6 +26,7 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
         ));
     };
     let [a, d, b, e, c, f] = numbers(file)?;
+    refuse_degrees(file, [a, d, b, e], [c, f])?;
     // For a rotation with a scale, one pixel to the right is (a, d) and one pixel down is (d, -a).
     let (right, up) = (0.5 * (a - e), 0.5 * (d + b));
     let metres_per_px = right.hypot(up);
@@ -51,6 +52,21 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
     let site = Site { plan: Some(plan), ..Site::new() };
     site.check().map_err(|error| FormatError::new(&file.name, Problem::InvalidSite(Box::new(error))))?;
     Ok(Imported { site, notes })
+}
+
+/// Fails for numbers that are probably degrees of longitude and latitude: tiny pixels, and an origin on the globe.
+fn refuse_degrees(file: &File, pixel: [f64; 4], [x, y]: [f64; 2]) -> Result<(), FormatError> {
+    /// Size below which a pixel is improbable in metres. As degrees it is about 11 m.
+    const MAX_PIXEL_DEG: f64 = 1e-4;
+    let size = pixel.iter().fold(0.0_f64, |size, number| size.max(number.abs()));
+    if !(size > 0.0 && size < MAX_PIXEL_DEG && x.abs() <= 180.0 && y.abs() <= 90.0) {
+        return Ok(());
+    }
+    let found =
+        format!("pixels of {size} at ({x}, {y}), which are probably degrees of longitude and latitude");
+    let expected = "metres; reproject the image to a grid in metres (gdalwarp -t_srs EPSG:CODE IMAGE plan.tif), then use \
+                    calib plan plan.tif --site SITE";
+    Err(FormatError::expected(&file.name, found, expected))
 }
 
 fn numbers(file: &File) -> Result<[f64; 6], FormatError> {
@@ -95,6 +111,22 @@ mod tests {
             let expected = FloorPoint { x: a * i + b * j + c, y: d * i + e * j + f };
             prop_assert!(floor.distance(expected) < 1e-8, "{floor:?}, expected {expected:?}");
         }
+    }
+
+    #[test]
+    fn world_file_in_degrees_is_rejected_with_advice() {
+        let read = |text: &str| {
+            crate::import(crate::format("worldfile").unwrap(), &[file(text.into())])
+                .map_err(|error| error.to_string())
+        };
+        for text in ["1.4e-6 0 0 -9e-7 8.55 50.1", "1e-6 0 0 -1e-6 -70.5 -33.4", "0 9e-5 9e-5 0 179 -89"] {
+            let error = read(text).unwrap_err();
+            assert!(
+                error.contains("degrees") && error.contains("gdalwarp") && error.contains("calib plan"),
+                "{error}"
+            );
+        }
+        assert!(read("0.02 0 0 -0.02 8.55 50.1").is_ok());
     }
 
     #[test]
