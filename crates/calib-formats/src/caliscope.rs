@@ -6,7 +6,7 @@
 use crate::file::FormatError;
 use crate::given::{Imported, ImportedCamera, intrinsics_from_matrix, site_with_notes};
 use crate::input::Input;
-use crate::opencv::distortion;
+use crate::lens_keys::{distortion, fisheye_flag, refuse_unknown_distortion};
 use crate::tree::{Node, Syntax};
 
 pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
@@ -18,16 +18,16 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
         let cameras = root.get("cameras").filter(|cameras| cameras.get("matrix").is_none());
         for (key, camera) in cameras.as_ref().unwrap_or(&root).entries() {
             let Some(k) = camera.get("matrix") else { continue };
-            let [fx, fy, cx, cy] = intrinsics_from_matrix(&k.matrix()?, k.place())?;
+            let intrinsics = intrinsics_from_matrix(&k.matrix()?, k.place())?.with_corner_origin();
             let id = camera.get("name").and_then(|name| name.text().ok()).unwrap_or(key);
-            let mut lens = ImportedCamera::new(id, camera.place(), [fx, fy, cx + 0.5, cy + 0.5]);
+            let mut lens = ImportedCamera::new(id, camera.place(), intrinsics).with_path(&file.name);
+            refuse_unknown_distortion(&camera, &["distortions", "distortion"])?;
             let size = camera.require(&["size"])?;
             let sides = size.items()?;
             let [width, height] = &sides[..] else { return Err(size.unexpected("width and height")) };
             lens.size = Some([width.side()?, height.side()?]);
             if let Some(terms) = camera.first_of(&["distortions", "distortion"]) {
-                lens.distortion =
-                    distortion(&terms, camera.get("fisheye").is_some_and(|node| node.is_true()))?;
+                lens.distortion = distortion(&terms, fisheye_flag(&camera)? == Some(true))?;
             }
             given.push(lens);
         }

@@ -11,12 +11,12 @@ use calib_core::{BrownConrady, Distortion};
 use crate::colmap_binary;
 use crate::export::{Export, MAX_UNREPORTED_ERROR_PX, Scene, round_up};
 use crate::file::File;
-use crate::file::{FormatError, Problem, quoted};
+use crate::file::{FormatError, Problem, quoted, stem};
 use crate::fisheye::{MAX_ANGLE, MAX_FIT_ERROR_PX, fit_error_text, fit_lens};
 use crate::fisheye::{from_quaternion, quaternion};
 use crate::given::{Imported, ImportedCamera, site_from_cameras};
 use crate::input::Input;
-use crate::opencv::distortion_of_terms;
+use crate::lens_keys::distortion_of_terms;
 use crate::tree::{digits, joined};
 use crate::view::{Terms, View};
 
@@ -147,10 +147,16 @@ pub(crate) fn read(input: &Input) -> Result<Imported, FormatError> {
             .ok_or_else(|| FormatError::new(line.place(), Problem::NoRotation))?;
         let image = line.words.get(9..).filter(|words| !words.is_empty()).map(|words| words.join(" "));
         let name = image.clone().unwrap_or_else(|| line.words[0].to_owned());
-        let base = name.rsplit('/').next().unwrap_or_default();
-        let stem = base.rsplit_once('.').map_or(base, |(stem, _)| stem).to_owned();
+        let stem = stem(&name).to_owned();
         let pose = Some((rotation, [tx, ty, tz]));
-        given.push(ImportedCamera { id: stem, place: line.place(), image, pose, ..camera.clone() });
+        given.push(ImportedCamera {
+            id: stem,
+            path: name,
+            place: line.place(),
+            image,
+            pose,
+            ..camera.clone()
+        });
         // Skips the next line, which lists the points of the image.
         with_points += usize::from(left.next().is_some_and(|points| !points.words.is_empty()));
     }

@@ -281,7 +281,12 @@ impl File {
 
     /// Returns the last component of the path, without its extension.
     pub(crate) fn stem(&self) -> &str {
-        self.base().rsplit_once('.').map_or(self.base(), |(stem, _)| stem)
+        stem(&self.name)
+    }
+
+    /// Returns the path of another file that this file names relative to its folder.
+    pub(crate) fn path_beside(&self, other: &str) -> String {
+        self.name.rsplit_once('/').map_or(other.to_owned(), |(folder, _)| format!("{folder}/{other}"))
     }
 
     /// Returns the extension in lower case, without the dot.
@@ -302,6 +307,12 @@ impl File {
             .map_err(|error| FormatError::new(&self.name, Problem::NotUtf8 { at: error.valid_up_to() }))?;
         Ok(text.strip_prefix('\u{feff}').unwrap_or(text))
     }
+}
+
+/// Returns the last component of a path, without its extension.
+pub(crate) fn stem(path: &str) -> &str {
+    let base = path.rsplit('/').next().unwrap_or_default();
+    base.rsplit_once('.').map_or(base, |(stem, _)| stem)
 }
 
 /// Converts a camera id to a file name that is valid on every operating system.

@@ -62,7 +62,8 @@ fn camera(
     let rotation = [column(0, 1.0), column(1, -1.0), column(2, -1.0)];
     let position = column(3, 1.0);
     let t = rotation.map(|row| -(row[0] * position[0] + row[1] * position[1] + row[2] * position[2]));
-    let mut given = ImportedCamera::new(file.stem(), camera.place(), [focal, focal, cx, cy]);
+    let mut given =
+        ImportedCamera::new(file.stem(), camera.place(), [focal, focal, cx, cy]).with_path(&file.name);
     given.size = Some([width, height]);
     given.pose = Some((rotation, t));
     rest.extend(root.unread_keys());

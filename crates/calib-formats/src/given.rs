@@ -8,8 +8,10 @@ use calib_site::{
     SiteCamera, Solution, Stage,
 };
 
+use crate::export::round_up;
 use crate::file::{FormatError, Problem, quoted};
 use crate::fisheye::{Rotation, is_rotation, rotate, transpose};
+use crate::ids::{Named, distinct};
 use crate::input::Input;
 
 /// Result of an import.
@@ -30,6 +32,8 @@ pub(crate) struct ImportedCamera {
     pub(crate) id: String,
     /// Position of the camera in the file, for messages.
     pub(crate) place: String,
+    /// Path that makes the id distinct if other cameras have the same id; empty: none.
+    pub(crate) path: String,
     pub(crate) image: Option<String>,
     /// Width and height of the image, in pixels; absent: twice the principal point.
     pub(crate) size: Option<[u32; 2]>,
@@ -37,26 +41,57 @@ pub(crate) struct ImportedCamera {
     pub(crate) focal: [f64; 2],
     /// Principal point, in pixels from the corner of the image.
     pub(crate) centre: [f64; 2],
+    /// Skew of the intrinsic matrix, which is dropped.
+    pub(crate) skew: f64,
     pub(crate) distortion: Distortion,
     /// Pose, world to camera (right, down, forward), in metres.
     pub(crate) pose: Option<Pose>,
 }
 
+/// Elements of an intrinsic matrix, in pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Intrinsics {
+    /// Focal lengths and principal point: fx, fy, cx, cy.
+    pub(crate) k: [f64; 4],
+    pub(crate) skew: f64,
+}
+
+impl Intrinsics {
+    /// Converts a principal point that counts from the centre of the first pixel.
+    pub(crate) fn with_corner_origin(self) -> Self {
+        let [fx, fy, cx, cy] = self.k;
+        Self { k: [fx, fy, cx + 0.5, cy + 0.5], ..self }
+    }
+}
+
+impl From<[f64; 4]> for Intrinsics {
+    fn from(k: [f64; 4]) -> Self {
+        Self { k, skew: 0.0 }
+    }
+}
+
 impl ImportedCamera {
     /// Creates a camera without distortion and pose. `place` is its position in the file; `k` is
-    /// `[fx, fy, cx, cy]`, in pixels.
-    pub(crate) fn new(id: &str, place: impl Into<String>, k: [f64; 4]) -> Self {
-        let [fx, fy, cx, cy] = k;
+    /// `[fx, fy, cx, cy]`, in pixels, or the elements of an intrinsic matrix.
+    pub(crate) fn new(id: &str, place: impl Into<String>, k: impl Into<Intrinsics>) -> Self {
+        let Intrinsics { k: [fx, fy, cx, cy], skew } = k.into();
         Self {
             id: id.to_owned(),
             place: place.into(),
+            path: String::new(),
             image: None,
             size: None,
             focal: [fx, fy],
             centre: [cx, cy],
+            skew,
             distortion: Distortion::None,
             pose: None,
         }
+    }
+
+    /// Returns the camera with a path that makes its id distinct.
+    pub(crate) fn with_path(self, path: &str) -> Self {
+        Self { path: path.to_owned(), ..self }
     }
 
     /// Returns the camera with the statements of the caller.
@@ -108,6 +143,22 @@ impl ImportedCamera {
         Ok([w, h])
     }
 
+    /// Reports the skew that is dropped. A skew s moves a pixel by s / fy times its distance in y from the principal
+    /// point, in x.
+    fn report_skew(&self, [_, height]: [u32; 2], notes: &mut Vec<String>) {
+        /// Largest error that is not reported, in pixels.
+        const NEGLIGIBLE_PX: f64 = 1e-4;
+        let [_, cy] = self.centre;
+        let error = (self.skew / self.focal[1]).abs() * cy.abs().max((f64::from(height) - cy).abs());
+        if error > NEGLIGIBLE_PX {
+            let (id, skew, error) = (quoted(&self.id), self.skew, round_up(error, 3));
+            notes.push(format!(
+                "camera {id}: the skew {skew} of its matrix is not imported, with an error of at most {error:.3} px before \
+                 distortion"
+            ));
+        }
+    }
+
     /// Fails if the camera matrix belongs to an image of another resolution than `size`.
     fn check_resolution(&self, size: [u32; 2]) -> Result<(), FormatError> {
         /// Smallest ratio of two resolutions of a camera. The principal point of one camera is nearer to the
@@ -127,6 +178,7 @@ impl ImportedCamera {
     pub(crate) fn into_entry(self, notes: &mut Vec<String>) -> Result<SiteCamera, FormatError> {
         let ([focal, pixel_aspect], size) = (self.focal_and_aspect(notes)?, self.size(notes)?);
         self.check_resolution(size)?;
+        self.report_skew(size, notes);
         let principal_point = Pixel::from(self.centre);
         let lens =
             Lens { principal_point, focal, pixel_aspect, distortion: self.distortion, image_circle: None };
@@ -185,7 +237,7 @@ pub(crate) fn site_with_notes(
 
 /// Creates a site with these imported cameras and checks it.
 pub(crate) fn site_from_cameras(
-    given: Vec<ImportedCamera>,
+    mut given: Vec<ImportedCamera>,
     input: &Input,
     place: &str,
 ) -> Result<Imported, FormatError> {
@@ -193,14 +245,18 @@ pub(crate) fn site_from_cameras(
         let found = format!("{} cameras", given.len());
         return Err(FormatError::expected(place, found, format!("at most {}", calib_site::MAX_CAMERAS)));
     }
+    let named: Vec<Named> = given.iter().map(|camera| Named { id: &camera.id, path: &camera.path }).collect();
+    if let Some(ids) = distinct(&named) {
+        given.iter_mut().zip(ids).for_each(|(camera, id)| camera.id = id);
+    }
     let mut notes = Vec::new();
     let cameras: Result<Vec<SiteCamera>, FormatError> =
         given.into_iter().map(|camera| camera.stated_by(input).into_entry(&mut notes)).collect();
     checked_site(cameras?, notes, place)
 }
 
-/// Returns `[fx, fy, cx, cy]` of an intrinsic matrix `K`; fails if its skew is not negligible.
-pub(crate) fn intrinsics_from_matrix(k: &[[f64; 3]; 3], place: &str) -> Result<[f64; 4], FormatError> {
+/// Returns the elements of an intrinsic matrix `K`; fails if its skew is not small.
+pub(crate) fn intrinsics_from_matrix(k: &[[f64; 3]; 3], place: &str) -> Result<Intrinsics, FormatError> {
     let [[fx, skew, cx], [zero, fy, cy], last] = *k;
     let is_upright = zero.abs() < 1e-9 && last[0].abs() < 1e-9 && last[1].abs() < 1e-9;
     let place = place.trim_end_matches([' ', ':']);
@@ -210,12 +266,15 @@ pub(crate) fn intrinsics_from_matrix(k: &[[f64; 3]; 3], place: &str) -> Result<[
     if skew.abs() > 1e-3 * fx.abs() {
         return Err(FormatError::expected(place, format!("a skew of {skew}"), "square pixels"));
     }
-    Ok([fx, fy, cx, cy])
+    Ok(Intrinsics { k: [fx, fy, cx, cy], skew })
 }
 
-/// Decomposes a projection matrix `K [R | t]` of either sign into `[fx, fy, cx, cy]` and the pose. `K` is the
+/// Decomposes a projection matrix `K [R | t]` of either sign into the elements of `K` and the pose. `K` is the
 /// intrinsic matrix. The rows of `K R` are orthogonalised from the last to the first.
-pub(crate) fn decompose_projection(p: &[[f64; 4]; 3], place: &str) -> Result<([f64; 4], Pose), FormatError> {
+pub(crate) fn decompose_projection(
+    p: &[[f64; 4]; 3],
+    place: &str,
+) -> Result<(Intrinsics, Pose), FormatError> {
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let less = |a: [f64; 3], s: f64, b: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| a[i] - s * b[i]) };
     let [a, b, c] = p.map(|row| [row[0], row[1], row[2]]);

@@ -16,7 +16,7 @@ use crate::file::{FormatError, quoted};
 use crate::fisheye::rotate;
 use crate::given::{Imported, ImportedCamera, site_with_notes};
 use crate::input::Input;
-use crate::opencv::distortion;
+use crate::lens_keys::{distortion, refuse_unknown_distortion};
 use crate::tree::{Node, Syntax, joined, quote};
 use crate::view::{Terms, View};
 
@@ -102,7 +102,7 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
         let root = Node::root(file, &tree);
         for (name, camera) in root.entries() {
             if camera.get("intrinsics").is_some() {
-                given.push(lens(name, &camera)?);
+                given.push(lens(name, &camera)?.with_path(&file.name));
             }
         }
         rest.extend(root.unread_keys());
@@ -159,11 +159,17 @@ fn lens(name: &str, camera: &Node) -> Result<ImportedCamera, FormatError> {
 
 /// Returns the distortion that a camera has in addition to its camera model.
 fn extra_distortion(camera: &Node) -> Result<Distortion, FormatError> {
+    refuse_unknown_distortion(camera, &["distortion_model", "distortion_coeffs"])?;
     let model = camera.get("distortion_model").map_or(Ok("none"), |node| node.text())?;
     match model {
         "none" => {
-            if let Some(terms) = camera.get("distortion_coeffs") {
-                terms.mark_read();
+            // The coefficients without a model are ambiguous, because a fisheye has the same number.
+            if let Some(terms) = camera.get("distortion_coeffs")
+                && terms.numbers()?.iter().any(|&term| term != 0.0)
+            {
+                return Err(terms.unexpected(
+                    "zeros, because distortion_model is none; set distortion_model to radtan or equidistant",
+                ));
             }
             Ok(Distortion::None)
         }

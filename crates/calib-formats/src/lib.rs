@@ -12,23 +12,27 @@
 //! # Files
 //!
 //! - `file`: files in memory and their errors.
-//! - `tree`: JSON, YAML, XML and TOML as one tree of values.
+//! - `tree`: JSON, YAML, XML and TOML as one tree of values. `base64_array`: arrays of OpenCV in base64.
 //! - `fisheye`: rotation formats, and the fit of a Kannala-Brandt lens.
 //! - `view`, `export`, `planes`: the input of an export, and its losses and notes.
 //! - `input`, `given`: files of an import with the caller's statements, its cameras, and their conversion to a site.
+//! - `ids`: ids of cameras whose files have the same name. `lens_keys`: keys and distortion of lenses in OpenCV's terms.
 //! - `remap`: the undistortion map of `--rectified`.
 //! - One file for each format, from `opencv` to `worldfile`. `ground_points` has GPX, KML and tables of points.
 //! - `registry`: [`FORMATS`], the list of all formats.
 
 mod file;
 mod fisheye;
+mod base64_array;
 mod tree;
+mod ids;
 mod view;
 mod export;
 mod planes;
 mod input;
 mod given;
 mod remap;
+mod lens_keys;
 mod opencv;
 mod ros;
 mod colmap_binary;

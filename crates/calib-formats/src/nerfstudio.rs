@@ -7,10 +7,11 @@ use calib_core::{BrownConrady, Distortion};
 use serde_json::{Value, json};
 
 use crate::export::{Export, Scene};
-use crate::file::{FormatError, Problem};
+use crate::file::{FormatError, Problem, stem};
 use crate::fisheye::rotate;
 use crate::given::{Imported, ImportedCamera, Pose, site_with_notes};
 use crate::input::Input;
+use crate::lens_keys::{fisheye_flag, refuse_unknown_distortion};
 use crate::tree::{Node, Syntax, pretty};
 use crate::view::{Terms, View};
 
@@ -67,7 +68,9 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
         let tree = Syntax::Json.parse(file)?;
         let root = Node::root(file, &tree);
         for frame in root.require(&["frames"])?.items()? {
-            given.push(camera(&root, &frame, files.size())?);
+            let camera = camera(&root, &frame, files.size())?;
+            let path = file.path_beside(camera.image.as_deref().unwrap_or_default());
+            given.push(camera.with_path(&path));
         }
         rest.extend(root.unread_keys());
     }
@@ -112,9 +115,7 @@ fn camera(root: &Node, frame: &Node, stated: Option<[u32; 2]>) -> Result<Importe
     };
     let k = [fx, number("fl_y")?.unwrap_or(fx), or_middle("cx", 0)?, or_middle("cy", 1)?];
     let path = frame.require(&["file_path"])?.text()?;
-    let base = path.rsplit('/').next().unwrap_or_default();
-    let id = base.rsplit_once('.').map_or(base, |(stem, _)| stem);
-    let given = ImportedCamera::new(id, frame.place(), k);
+    let given = ImportedCamera::new(stem(path), frame.place(), k);
     let (pose, distortion) = (pose(&frame.require(&["transform_matrix"])?)?, lens(root, frame)?);
     Ok(ImportedCamera { image: Some(path.to_owned()), size, distortion, pose: Some(pose), ..given })
 }
@@ -126,7 +127,11 @@ fn lens(root: &Node, frame: &Node) -> Result<Distortion, FormatError> {
     let [p1, p2] = [term("p1")?, term("p2")?];
     let model = of("camera_model");
     let name = model.as_ref().map_or(Ok("OPENCV"), |node| node.text())?;
-    let is_fisheye = name == "OPENCV_FISHEYE" || of("is_fisheye").is_some_and(|node| node.is_true());
+    for level in [root, frame] {
+        refuse_unknown_distortion(level, &[])?;
+    }
+    let flag = fisheye_flag(frame)?.or(fisheye_flag(root)?).unwrap_or(false);
+    let is_fisheye = name == "OPENCV_FISHEYE" || flag;
     let radial = ["SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"];
     match model {
         _ if is_fisheye && [p1, p2] == [0.0; 2] => Ok(Distortion::KannalaBrandt { k: [k1, k2, k3, k4] }),

@@ -166,7 +166,7 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
         let tree = Syntax::Yaml.parse(file)?;
         let root = Node::root(file, &tree);
         let node = root.require(&["projectionMatrix_3x4_w2p"])?;
-        given.push(projected(file.stem(), &node)?);
+        given.push(projected(file.stem(), &node)?.with_path(&file.name));
         rest.extend(root.unread_keys());
     }
     rest.extend(unread_notes(files, |file| file.base() == "transforms.yml"));

@@ -128,7 +128,11 @@ fn lens(file: &File, notes: &mut Vec<String>) -> Result<ImportedCamera, FormatEr
     ));
     let given =
         ImportedCamera::new(file.stem(), &direct.place, [lens.focal, lens.focal, column + 0.5, row + 0.5]);
-    Ok(ImportedCamera { size: Some([width as u32, height as u32]), distortion: lens.distortion, ..given })
+    Ok(ImportedCamera {
+        size: Some([width as u32, height as u32]),
+        distortion: lens.distortion,
+        ..given.with_path(&file.name)
+    })
 }
 
 /// Returns pairs of angle from the axis and radius in pixels. They run from the axis to the corners, to

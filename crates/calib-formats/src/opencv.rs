@@ -5,8 +5,6 @@
 
 use std::collections::BTreeMap;
 
-use calib_core::camera::Rational;
-use calib_core::{BrownConrady, Distortion};
 use serde_json::{Map, Value, json};
 
 use crate::export::{Export, Scene};
@@ -14,11 +12,9 @@ use crate::file::{File, FormatError, Problem, quoted};
 use crate::fisheye::{from_rodrigues, rodrigues};
 use crate::given::{Imported, ImportedCamera, intrinsics_from_matrix, site_with_notes};
 use crate::input::Input;
+use crate::lens_keys::{Part, declares_fisheye, distortion, named_distortion, part_of_lens};
 use crate::tree::{Node, Syntax, digits, escaped, joined, pretty, quote};
 use crate::view::{Terms, View};
-
-/// Numbers of distortion coefficients that `OpenCV` allows.
-const COEFFICIENT_COUNTS: [usize; 5] = [4, 5, 8, 12, 14];
 
 enum Entry {
     Whole(u32),
@@ -116,7 +112,7 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
     for file in files.iter() {
         let tree = Syntax::detect(file)?.parse(file)?;
         let root = Node::root(file, &tree);
-        given.extend(cameras(file, &root)?);
+        given.extend(cameras(file, &root)?.into_iter().map(|camera| camera.with_path(&file.name)));
         rest.extend(root.unread_keys());
     }
     let mut imported = site_with_notes(given, rest, files, &files[0].name)?;
@@ -127,49 +123,6 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
         );
     }
     Ok(imported)
-}
-
-/// Names of the intrinsic matrix, in lower case without separators.
-const MATRIX_NAMES: [&str; 10] = [
-    "cameramatrix",
-    "k",
-    "m",
-    "intrinsicmatrix",
-    "mtx",
-    "intrinsics",
-    "intrinsic",
-    "cameraintrinsics",
-    "cammatrix",
-    "kmatrix",
-];
-
-/// Part of a lens that a key names.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Part {
-    Matrix,
-    Distortion,
-}
-
-/// Returns the part of a lens that a key names, and which camera of the file it belongs to: `1` or `left` in
-/// stereo files, otherwise an empty text.
-///
-/// Keys are compared without case and separators, because programs write them in many ways.
-fn part_of_lens(key: &str) -> Option<(Part, String)> {
-    let plain: String = key.chars().filter(char::is_ascii_alphanumeric).collect::<String>().to_lowercase();
-    let sides = ["left", "right"].into_iter().filter_map(|side| {
-        let core = plain.strip_prefix(side).or_else(|| plain.strip_suffix(side))?;
-        Some((core.to_owned(), side.to_owned()))
-    });
-    let core = plain.trim_end_matches(|c: char| c.is_ascii_digit());
-    let numbered = (core.to_owned(), plain[core.len()..].to_owned());
-    sides.chain([numbered]).find_map(|(core, camera)| {
-        if MATRIX_NAMES.contains(&core.as_str()) {
-            return Some((Part::Matrix, camera));
-        }
-        let is_model = ["model", "type", "name", "count"].iter().any(|word| core.contains(word));
-        let is_distortion = core == "d" || core.contains("dist") && !core.contains("undist") && !is_model;
-        is_distortion.then_some((Part::Distortion, camera))
-    })
 }
 
 /// Reads all cameras of a file: one, several with numbered keys, or several below one key each.
@@ -185,7 +138,7 @@ fn cameras(file: &File, root: &Node) -> Result<Vec<ImportedCamera>, FormatError>
                 .iter()
                 .any(|(key, _)| part_of_lens(key).is_some_and(|(part, _)| part == Part::Matrix))
         });
-        let below: Result<Vec<_>, _> = below.map(|(key, node)| camera(&node, key, &node)).collect();
+        let below: Result<Vec<_>, _> = below.map(|(key, node)| camera(&node, key, root)).collect();
         let below = below?;
         if !below.is_empty() {
             return Ok(below);
@@ -208,25 +161,37 @@ fn cameras(file: &File, root: &Node) -> Result<Vec<ImportedCamera>, FormatError>
                 Problem::MissingKey(vec![format!("the camera matrix of camera {}", quoted(&id))]),
             )
         })?;
-        lens(if id.is_empty() { file.stem() } else { &id }, root, &matrix, terms.as_ref())
+        let id = if id.is_empty() { file.stem() } else { &id };
+        lens(id, [root, root], &matrix, terms.as_ref())
     });
     stereo.collect()
 }
 
-/// Reads the camera whose keys are directly below `node`. Values that are common to the file are in `common`.
-fn camera(node: &Node, id: &str, common: &Node) -> Result<ImportedCamera, FormatError> {
+/// Reads the camera whose keys are directly below `node`. Values that are common to the file are in `root`.
+fn camera(node: &Node, id: &str, root: &Node) -> Result<ImportedCamera, FormatError> {
+    let entries = node.entries();
     let find = |wanted: Part| {
-        let is_wanted = |(key, value): &(&str, Node)| {
+        let is_wanted = |(key, value): &&(&str, Node)| {
             part_of_lens(key).is_some_and(|(part, _)| part == wanted) && value.is_list_or_matrix()
         };
-        node.entries().into_iter().find(is_wanted).map(|(_, value)| value)
+        entries.iter().find(is_wanted).map(|(_, value)| value.clone())
+    };
+    // An object at the top level may be another camera.
+    let of_file = || {
+        let is_wanted = |(key, value): &(&str, Node)| {
+            part_of_lens(key).is_some_and(|(part, camera)| part == Part::Distortion && camera.is_empty())
+                && value.is_list_or_matrix()
+                && (!value.is_object() || value.get("data").is_some())
+        };
+        root.entries().into_iter().find(is_wanted).map(|(_, value)| value)
     };
     let matrix = match find(Part::Matrix) {
         Some(matrix) => matrix,
         None => node.require(&["camera_matrix"])?,
     };
     let name = node.first_of(&["camera_name", "name"]).and_then(|name| name.text().ok());
-    let mut given = lens(name.unwrap_or(id), common, &matrix, find(Part::Distortion).as_ref())?;
+    let terms = find(Part::Distortion).or_else(of_file);
+    let mut given = lens(name.unwrap_or(id), [node, root], &matrix, terms.as_ref())?;
     if let (Some(r), Some(t)) =
         (node.first_of(&["rvec", "R", "rotation"]), node.first_of(&["tvec", "T", "t"]))
     {
@@ -236,16 +201,23 @@ fn camera(node: &Node, id: &str, common: &Node) -> Result<ImportedCamera, Format
     Ok(given)
 }
 
-/// Reads a lens from its matrix and its distortion coefficients. `around` contains size and model.
-fn lens(id: &str, around: &Node, matrix: &Node, terms: Option<&Node>) -> Result<ImportedCamera, FormatError> {
-    let [fx, fy, cx, cy] = intrinsics_from_matrix(&matrix.matrix()?, matrix.place())?;
-    let mut given = ImportedCamera::new(id, matrix.place(), [fx, fy, cx + 0.5, cy + 0.5]);
-    given.size = size(around)?;
-    if let Some(terms) = terms {
-        let model = around.first_of(&["distortion_model", "model"]).and_then(|node| node.text().ok());
-        let flag = around.first_of(&["fisheye", "is_fisheye"]).is_some_and(|node| node.is_true());
-        given.distortion = distortion(terms, flag || model.is_some_and(is_fisheye))?;
-    }
+/// Reads a lens from its matrix and its distortion coefficients. `levels` contain size, model and single
+/// coefficients: the keys of the camera, then the keys of the file.
+fn lens(
+    id: &str,
+    levels: [&Node; 2],
+    matrix: &Node,
+    terms: Option<&Node>,
+) -> Result<ImportedCamera, FormatError> {
+    let intrinsics = intrinsics_from_matrix(&matrix.matrix()?, matrix.place())?.with_corner_origin();
+    let mut given = ImportedCamera::new(id, matrix.place(), intrinsics);
+    let [own, root] = levels;
+    given.size = size(own)?.map_or_else(|| size(root), |size| Ok(Some(size)))?;
+    let fisheye = declares_fisheye(own)? | declares_fisheye(root)?;
+    given.distortion = match terms {
+        Some(terms) => distortion(terms, fisheye)?,
+        None => named_distortion(levels, fisheye)?,
+    };
     Ok(given)
 }
 
@@ -265,47 +237,8 @@ fn size(root: &Node) -> Result<Option<[u32; 2]>, FormatError> {
     Ok(Some([width.side()?, height.side()?]))
 }
 
-pub(crate) fn is_fisheye(model: &str) -> bool {
-    let model = model.to_lowercase();
-    ["fisheye", "equidistant", "kannala"].iter().any(|known| model.contains(known))
-}
-
-/// Reads a distortion vector of `OpenCV`: k1, k2, p1, p2, k3, the rational terms k4 to k6, and the thin-prism
-/// terms s1 to s4. Tilt terms must be 0.
-pub(crate) fn distortion(node: &Node, fisheye: bool) -> Result<Distortion, FormatError> {
-    let terms = node.numbers()?;
-    if terms.iter().all(|&term| term == 0.0) && !fisheye {
-        return Ok(Distortion::None);
-    }
-    if fisheye {
-        let Ok(k) = terms.try_into() else {
-            return Err(node.unexpected("the four coefficients of a fisheye lens"));
-        };
-        return Ok(Distortion::KannalaBrandt { k });
-    }
-    if !COEFFICIENT_COUNTS.contains(&terms.len()) {
-        return Err(node.unexpected(&format!("4, 5, 8, 12 or 14 coefficients instead of {}", terms.len())));
-    }
-    if terms.iter().skip(12).any(|&term| term != 0.0) {
-        return Err(node.unexpected(
-            "no tilt: a tilted sensor is not supported; calibrate the camera without CALIB_TILTED_MODEL",
-        ));
-    }
-    let mut all = [0.0; 12];
-    all.iter_mut().zip(&terms).for_each(|(term, value)| *term = *value);
-    Ok(distortion_of_terms(all))
-}
-
 /// Returns rational terms in the order of `OpenCV`, without the thin-prism terms if they are 0.
 pub(crate) fn written_terms(terms: &[f64; 12]) -> Vec<f64> {
     let [rational @ .., _, _, _, _] = terms;
     if terms[8..] == [0.0; 4] { rational.to_vec() } else { terms.to_vec() }
-}
-
-/// Returns the distortion of `OpenCV`'s terms k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4.
-pub(crate) fn distortion_of_terms([k1, k2, p1, p2, k3, k4, k5, k6, prism @ ..]: [f64; 12]) -> Distortion {
-    if [k4, k5, k6] == [0.0; 3] && prism == [0.0; 4] {
-        return Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 });
-    }
-    Distortion::Rational(Rational { radial: [k1, k2, k3, k4, k5, k6], tangential: [p1, p2], prism })
 }

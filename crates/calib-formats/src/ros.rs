@@ -1,13 +1,14 @@
 //! ROS `camera_info`: the lens, with one file for each camera. The pose belongs in TF and is not written.
-//! Read are also messages as ROS 1 and 2 print them, and `ost.txt` of the camera calibrator.
+//! Messages as ROS 1 and 2 print them are also read, several in one file, and `ost.txt` of the camera calibrator.
 //!
 //! Pixels count from the centre of the first pixel, as in OpenCV.
 
 use crate::export::{Export, Scene};
-use crate::file::{File, FormatError, Problem};
+use crate::file::{File, FormatError, Problem, quoted};
 use crate::given::{Imported, ImportedCamera, intrinsics_from_matrix, site_with_notes};
 use crate::input::Input;
-use crate::opencv::{distortion, is_fisheye, written_terms};
+use crate::lens_keys::{distortion, is_fisheye, refuse_unknown_distortion};
+use crate::opencv::written_terms;
 use crate::tree::{Node, Syntax, joined, quote};
 use crate::view::{Terms, View};
 
@@ -51,24 +52,57 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
             given.push(ost.camera()?);
             continue;
         }
-        let tree = Syntax::detect(file)?.parse(file)?;
-        let root = Node::root(file, &tree);
-        let k = root.require(&["camera_matrix", "K", "k"])?;
-        let [fx, fy, cx, cy] = intrinsics_from_matrix(&k.matrix()?, k.place())?;
-        let frame = || root.get("header").and_then(|header| header.get("frame_id"));
-        let name = root.get("camera_name").or_else(frame).and_then(|node| node.text().ok());
-        let id = name.filter(|name| !name.is_empty()).unwrap_or(file.stem());
-        let mut camera = ImportedCamera::new(id, k.place(), [fx, fy, cx + 0.5, cy + 0.5]);
-        let side = |keys: [&str; 2]| root.require(&keys)?.side();
-        camera.size = Some([side(["image_width", "width"])?, side(["image_height", "height"])?]);
-        if let Some(terms) = root.first_of(&["distortion_coefficients", "D", "d"]) {
-            let model = root.get("distortion_model").map(|node| node.text()).transpose()?.unwrap_or_default();
-            camera.distortion = distortion(&terms, is_fisheye(model))?;
+        let mut messages: Vec<ImportedCamera> = Vec::new();
+        let mut repetitions = 0;
+        for tree in Syntax::detect(file)?.parse_all(file)? {
+            let root = Node::root(file, &tree);
+            let camera = camera(file, &root)?;
+            rest.extend(root.unread_keys().filter(|note| !rest.contains(note)));
+            match messages.iter().find(|earlier| earlier.id == camera.id) {
+                Some(earlier) if is_repetition(earlier, &camera) => repetitions += 1,
+                Some(_) => return Err(contradiction(file, &camera.id)),
+                None => messages.push(camera),
+            }
+            if messages.len() > calib_site::MAX_CAMERAS {
+                break;
+            }
         }
-        given.push(camera);
-        rest.extend(root.unread_keys());
+        if repetitions > 0 {
+            let count = calib_site::counted(repetitions, "repeated message", "repeated messages");
+            rest.push(format!("{}: not imported: {count}", file.name));
+        }
+        given.extend(messages);
     }
     site_with_notes(given, rest, files, &files[0].name)
+}
+
+/// Reads one message or one file of a lens.
+fn camera(file: &File, root: &Node) -> Result<ImportedCamera, FormatError> {
+    let k = root.require(&["camera_matrix", "K", "k"])?;
+    let intrinsics = intrinsics_from_matrix(&k.matrix()?, k.place())?.with_corner_origin();
+    let frame = || root.get("header").and_then(|header| header.get("frame_id"));
+    let name = root.get("camera_name").or_else(frame).and_then(|node| node.text().ok());
+    let id = name.filter(|name| !name.is_empty()).unwrap_or(file.stem());
+    let mut camera = ImportedCamera::new(id, k.place(), intrinsics).with_path(&file.name);
+    let side = |keys: [&str; 2]| root.require(&keys)?.side();
+    camera.size = Some([side(["image_width", "width"])?, side(["image_height", "height"])?]);
+    refuse_unknown_distortion(root, &["distortion_coefficients", "distortion_model"])?;
+    if let Some(terms) = root.first_of(&["distortion_coefficients", "D", "d"]) {
+        let model = root.get("distortion_model").map(|node| node.text()).transpose()?.unwrap_or_default();
+        camera.distortion = distortion(&terms, is_fisheye(model))?;
+    }
+    Ok(camera)
+}
+
+/// Whether two messages contain the same lens.
+fn is_repetition(a: &ImportedCamera, b: &ImportedCamera) -> bool {
+    let lens = |c: &ImportedCamera| (c.size, c.focal, c.centre, c.skew, c.distortion);
+    lens(a) == lens(b)
+}
+
+fn contradiction(file: &File, id: &str) -> FormatError {
+    let found = format!("two different messages of camera {}", quoted(id));
+    FormatError::expected(&file.name, found, "one calibration for each frame_id; keep the right message")
 }
 
 /// Lens in the INI form of the camera calibrator, `ost.txt`: the numbers below every heading.
@@ -127,8 +161,9 @@ impl<'a> Ost<'a> {
             [a, b, c, d, e, f, g, h, i] => [[a, b, c], [d, e, f], [g, h, i]],
             ref found => return Err(expected(heading, found, "9")),
         };
-        let [fx, fy, cx, cy] = intrinsics_from_matrix(&matrix, &place(heading))?;
-        let mut camera = ImportedCamera::new(self.name, place(heading), [fx, fy, cx + 0.5, cy + 0.5]);
+        let intrinsics = intrinsics_from_matrix(&matrix, &place(heading))?.with_corner_origin();
+        let mut camera =
+            ImportedCamera::new(self.name, place(heading), intrinsics).with_path(&self.file.name);
         camera.size = Some([side("width")?, side("height")?]);
         let terms = serde_json::json!(self.numbers("distortion")?);
         camera.distortion = distortion(&Node::root(self.file, &terms), false)?;

@@ -7,6 +7,7 @@ use std::rc::Rc;
 use saphyr::{LoadableYamlNode as _, Scalar, Yaml};
 use serde_json::{Map, Number, Value};
 
+use crate::base64_array;
 use crate::file::File;
 use crate::file::{FormatError, Problem, quoted};
 
@@ -38,32 +39,47 @@ impl Syntax {
         })
     }
 
-    /// Parses a text of this syntax.
-    pub(crate) fn parse(self, file: &File) -> Result<Value, FormatError> {
+    /// Parses all documents of a text. Only YAML has several; they are separated by `---`.
+    pub(crate) fn parse_all(self, file: &File) -> Result<Vec<Value>, FormatError> {
+        if self != Self::Yaml {
+            return Ok(vec![self.parse(file)?]);
+        }
+        let documents = yaml_documents(file, self.checked_text(file)?)?;
+        if documents.is_empty() {
+            return Err(FormatError::new(&file.name, Problem::Empty));
+        }
+        Ok(documents)
+    }
+
+    /// Returns the text of a file if it is within the limits.
+    fn checked_text(self, file: &File) -> Result<&str, FormatError> {
         let text = file.as_text()?;
-        let at = |problem: Problem| FormatError::new(&file.name, problem);
-        let wrong = |syntax: &'static str, why: String| at(Problem::Syntax { syntax, why });
         if text.len() > MAX_TREE_BYTES {
             let (found, most) = (format!("{} bytes", text.len()), format!("at most {MAX_TREE_BYTES}"));
             return Err(FormatError::expected(&file.name, found, most));
         }
         if text.trim().is_empty() {
-            return Err(at(Problem::Empty));
+            return Err(FormatError::new(&file.name, Problem::Empty));
         }
         if self != Self::Xml && depth(text) > MAX_DEPTH {
-            return Err(at(Problem::DeepBrackets { most: MAX_DEPTH }));
+            return Err(FormatError::new(&file.name, Problem::DeepBrackets { most: MAX_DEPTH }));
         }
+        Ok(text)
+    }
+
+    /// Parses a text of this syntax.
+    pub(crate) fn parse(self, file: &File) -> Result<Value, FormatError> {
+        let text = self.checked_text(file)?;
+        let at = |problem: Problem| FormatError::new(&file.name, problem);
+        let wrong = |syntax: &'static str, why: String| at(Problem::Syntax { syntax, why });
         match self {
             Self::Json => serde_json::from_str(text).map_err(|error| wrong("JSON", error.to_string())),
             Self::Yaml => {
-                let mut documents = Yaml::load_from_str(without_directives(text))
-                    .map_err(|error| wrong("YAML", first_line(&error.to_string()).to_owned()))?;
-                // A message that ROS prints ends with a separator.
-                documents.retain(|document| !matches!(document, Yaml::Value(Scalar::Null)));
-                let [document] = documents.as_slice() else {
-                    return Err(wrong("YAML", format!("found {} documents, expected one", documents.len())));
-                };
-                from_yaml(document).ok_or_else(|| wrong("YAML", "a key that is a list or a mapping".into()))
+                let documents = yaml_documents(file, text)?;
+                let count = documents.len();
+                <[Value; 1]>::try_from(documents)
+                    .map(|[document]| document)
+                    .map_err(|_| wrong("YAML", format!("found {count} documents, expected one")))
             }
             Self::Toml => toml::from_str::<toml::Table>(text)
                 .map_err(|error| wrong("TOML", first_line(&error.to_string()).to_owned()))
@@ -74,6 +90,18 @@ impl Syntax {
             Self::Xml => from_xml(xml(file)?.root_element(), 0).ok_or_else(|| at(Problem::DeepElements)),
         }
     }
+}
+
+/// Parses the documents of a YAML text, without the empty ones. A message that ROS prints ends with a
+/// separator.
+fn yaml_documents(file: &File, text: &str) -> Result<Vec<Value>, FormatError> {
+    let wrong = |why: String| FormatError::new(&file.name, Problem::Syntax { syntax: "YAML", why });
+    let documents = Yaml::load_from_str(without_directives(text))
+        .map_err(|error| wrong(first_line(&error.to_string()).to_owned()))?;
+    let documents = documents.iter().filter(|document| !matches!(document, Yaml::Value(Scalar::Null)));
+    let value =
+        |document| from_yaml(document).ok_or_else(|| wrong("a key that is a list or a mapping".into()));
+    documents.map(value).collect()
 }
 
 /// Parses an XML text of limited size.
@@ -252,9 +280,43 @@ impl<'a> Node<'a> {
         value.ok_or_else(|| self.unexpected("a number between -1e12 and 1e12"))
     }
 
-    pub(crate) fn is_true(&self) -> bool {
+    /// Returns whether a flag is set: a boolean, 0 or 1, or a word such as "true" or "no".
+    pub(crate) fn flag(&self) -> Result<bool, FormatError> {
         self.mark_read();
-        self.value == &Value::Bool(true)
+        let word = match self.value {
+            Value::String(text) => text.trim().to_lowercase(),
+            other => other.to_string(),
+        };
+        match word.as_str() {
+            "true" | "yes" | "on" | "y" | "1" | "1.0" => Ok(true),
+            "false" | "no" | "off" | "n" | "0" | "0.0" | "" | "null" | "none" => Ok(false),
+            _ => Err(self.unexpected("true or false, yes or no, 1 or 0")),
+        }
+    }
+
+    /// Whether the value is null, empty, false, or a word such as "none".
+    pub(crate) fn is_none(&self) -> bool {
+        match self.value {
+            Value::Null | Value::Bool(false) => true,
+            Value::String(text) => {
+                matches!(&text.trim().to_lowercase()[..], "" | "none" | "null" | "no" | "~")
+            }
+            Value::Array(items) => items.is_empty(),
+            Value::Object(object) => object.is_empty(),
+            _ => false,
+        }
+    }
+
+    pub(crate) fn is_null(&self) -> bool {
+        self.value.is_null()
+    }
+
+    pub(crate) fn is_number(&self) -> bool {
+        self.value.is_number()
+    }
+
+    pub(crate) fn is_object(&self) -> bool {
+        self.value.is_object()
     }
 
     /// Returns the width or height of an image, in whole pixels; fails for any other value.
@@ -272,9 +334,10 @@ impl<'a> Node<'a> {
         self.value.as_str().ok_or_else(|| self.unexpected("text"))
     }
 
-    /// Whether the value may contain numbers: a list, or an object such as an `OpenCV` matrix.
+    /// Whether the value may contain numbers: a list, an object such as an `OpenCV` matrix, or a base64 text.
     pub(crate) fn is_list_or_matrix(&self) -> bool {
-        self.value.is_array() || self.value.is_object()
+        let is_base64 = |text: &str| text.trim_start().starts_with(base64_array::PREFIX);
+        self.value.is_array() || self.value.is_object() || self.value.as_str().is_some_and(is_base64)
     }
 
     pub(crate) fn items(&self) -> Result<Vec<Self>, FormatError> {
@@ -288,11 +351,28 @@ impl<'a> Node<'a> {
         object.iter().map(|(key, value)| (key.as_str(), self.child(value, key))).collect()
     }
 
-    /// Returns numbers from a list, a list of rows, or an `OpenCV` matrix.
+    /// Returns the numbers of a base64 text of `OpenCV`.
+    fn base64_numbers(&self, text: &str) -> Result<Vec<f64>, FormatError> {
+        self.mark_read();
+        let numbers = base64_array::numbers(text).map_err(|expected| self.unexpected(expected))?;
+        if !numbers.iter().all(|value| value.abs() <= 1e12) {
+            return Err(self.unexpected("numbers between -1e12 and 1e12"));
+        }
+        Ok(numbers)
+    }
+
+    /// Returns numbers from a list, a list of rows, an `OpenCV` matrix, or a base64 text.
     pub(crate) fn numbers(&self) -> Result<Vec<f64>, FormatError> {
         self.mark_read();
         if let Some(data) = self.get("data") {
-            return data.numbers();
+            // The data of a matrix in YAML and XML are base64 without a prefix.
+            return match data.value.as_str() {
+                Some(text) => data.base64_numbers(text),
+                None => data.numbers(),
+            };
+        }
+        if let Some(text) = self.value.as_str().filter(|_| self.is_list_or_matrix()) {
+            return self.base64_numbers(text);
         }
         if self.value.is_number() {
             return Ok(vec![self.number()?]);

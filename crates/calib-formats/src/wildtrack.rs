@@ -12,7 +12,8 @@ use crate::file::{FormatError, Problem, quoted};
 use crate::fisheye::{from_rodrigues, rodrigues};
 use crate::given::{Imported, ImportedCamera, Pose, intrinsics_from_matrix, site_with_notes};
 use crate::input::Input;
-use crate::opencv::{distortion, matrix_xml};
+use crate::lens_keys::{distortion, refuse_unknown_distortion};
+use crate::opencv::matrix_xml;
 use crate::tree::{Node, Syntax, joined};
 
 /// Number of centimetres in a metre.
@@ -49,8 +50,9 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
         let tree = Syntax::Xml.parse(file)?;
         let root = Node::root(file, &tree);
         let k = root.require(&["camera_matrix"])?;
-        let [fx, fy, cx, cy] = intrinsics_from_matrix(&k.matrix()?, k.place())?;
-        let mut camera = ImportedCamera::new(id, k.place(), [fx, fy, cx + 0.5, cy + 0.5]);
+        let intrinsics = intrinsics_from_matrix(&k.matrix()?, k.place())?.with_corner_origin();
+        let mut camera = ImportedCamera::new(id, k.place(), intrinsics);
+        refuse_unknown_distortion(&root, &["distortion_coefficients"])?;
         if let (Some(width), Some(height)) = (root.get("image_width"), root.get("image_height")) {
             camera.size = Some([width.side()?, height.side()?]);
         }
