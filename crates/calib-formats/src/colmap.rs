@@ -36,10 +36,16 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
         let params = [vec![fx, fy, cx, cy], more].concat();
         let [width, height] = view.size;
         let _ = writeln!(cameras, "{number} {model} {width} {height} {}", joined(&params, " "));
+        if !view.has_pose {
+            continue;
+        }
         let pose = [&quaternion(&view.camera.rotation())[..], &view.camera.translation()].concat();
         let _ = writeln!(images, "{number} {} {number} {}\n", joined(&pose, " "), name(view));
     }
     export.push("cameras.txt", cameras);
+    if !scene.views.iter().any(|view| view.has_pose) {
+        return;
+    }
     export.push("images.txt", images);
     export.push("points3D.txt", "# POINT3D_ID X Y Z R G B ERROR TRACK[]\n");
 }

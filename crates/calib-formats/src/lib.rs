@@ -86,7 +86,7 @@ pub fn export(format: &Format, site: &Site, options: &ExportOptions) -> Result<E
     let extension = format.extensions.iter().find(|known| **known == asked).ok_or_else(|| {
         FormatError::expected(format.name, file::quoted(asked), format.extensions.join(", "))
     })?;
-    let (views, unsolved) = view::views(site, options);
+    let (views, unsolved) = view::views(site, options, format.writes_lenses);
     if views.is_empty() {
         return Err(FormatError::new("the site", Problem::NothingToExport));
     }
@@ -106,8 +106,12 @@ pub fn export(format: &Format, site: &Site, options: &ExportOptions) -> Result<E
     }
     let mut export = Export { unsolved, ..Export::default() };
     if format.has_positions {
-        views.iter().filter(|view| !view.is_placed).for_each(|view| export.report_unplaced(site, view));
+        let unplaced = views.iter().filter(|view| view.has_pose && !view.is_placed);
+        unplaced.for_each(|view| export.report_unplaced(site, view));
         export.notes.extend(views.iter().filter_map(|view| view.scale_note.clone()));
+    }
+    for view in views.iter().filter(|view| !view.has_pose && format.has_positions) {
+        export.notes.push(format!("camera {:?} has no pose: only its lens is exported", view.id));
     }
     export.report_planes(site, format.planes);
     views.iter().filter(|view| view.is_stretched()).for_each(|view| export.report_aspect_ratio(view));

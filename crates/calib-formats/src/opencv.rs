@@ -45,16 +45,19 @@ fn entries(view: &View, terms: Terms) -> Vec<(&'static str, Entry)> {
     };
     let [width, height] = view.size;
     let column = |v: [f64; 3]| Entry::Matrix([3, 1], v.to_vec());
-    vec![
+    let mut entries = vec![
         ("camera_name", Entry::Text(view.id.clone())),
         ("image_width", Entry::Whole(width)),
         ("image_height", Entry::Whole(height)),
         ("camera_matrix", Entry::Matrix([3, 3], k.concat())),
         ("distortion_model", Entry::Text(model.into())),
         ("distortion_coefficients", Entry::Matrix([1, terms.len()], terms)),
-        ("rvec", column(rodrigues(&view.camera.rotation()))),
-        ("tvec", column(view.camera.translation())),
-    ]
+    ];
+    if view.has_pose {
+        entries.push(("rvec", column(rodrigues(&view.camera.rotation()))));
+        entries.push(("tvec", column(view.camera.translation())));
+    }
+    entries
 }
 
 fn as_json(entries: &[(&str, Entry)]) -> String {

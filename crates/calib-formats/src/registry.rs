@@ -37,6 +37,8 @@ pub struct Format {
     /// Whether the format contains camera positions, so that a camera that was not placed misleads its
     /// readers.
     pub has_positions: bool,
+    /// Whether the format is written for a camera without a pose if its lens is known.
+    pub writes_lenses: bool,
     /// Whether the format needs the georeference of the site.
     pub needs_georeference: bool,
     /// Whether the format distinguishes the periods of a camera.
@@ -79,6 +81,7 @@ impl Format {
         planes: PlaneTreatment::LeftOut,
         lenses: &[],
         has_positions: true,
+        writes_lenses: false,
         needs_georeference: false,
         has_periods: false,
         shows_plan: false,
@@ -134,6 +137,7 @@ pub const FORMATS: &[Format] = &[
         extensions: &["json", "yml", "yaml", "xml"],
         contains: "lens (Brown-Conrady, fisheye or rational), pose",
         lenses: OPENCV_LENSES,
+        writes_lenses: true,
         write: Some(opencv::write),
         read: Some(opencv::read),
         unit_m: Some(1.0),
@@ -151,6 +155,7 @@ pub const FORMATS: &[Format] = &[
         lacks: "pose, standard deviations, EFOV, planes other than the floor",
         lenses: OPENCV_LENSES,
         has_positions: false,
+        writes_lenses: true,
         write: Some(ros::write),
         read: Some(ros::read),
         pixels: CENTRE,
@@ -166,6 +171,7 @@ pub const FORMATS: &[Format] = &[
         contains: "lens (Brown-Conrady, rational or fisheye), pose",
         lenses: OPENCV_LENSES,
         companions: &["cameras.txt", "images.txt", "cameras.bin", "images.bin"],
+        writes_lenses: true,
         write: Some(colmap::write),
         read: Some(colmap::read),
         unit_m: Some(1.0),
@@ -378,6 +384,7 @@ pub const FORMATS: &[Format] = &[
             DistortionModel::Eucm,
         ],
         has_positions: false,
+        writes_lenses: true,
         write: Some(kalibr::write),
         read: Some(kalibr::read),
         pixels: CENTRE,

@@ -3,8 +3,8 @@
 use std::collections::HashSet;
 
 use calib_core::{
-    BrownConrady, Camera, Distortion, DistortionModel, FloorPoint, Lens, Pixel, Plane, UndistortedPixel,
-    WorldPoint,
+    BrownConrady, Camera, Covariance, Distortion, DistortionModel, FloorPoint, Lens, Pixel, Plane,
+    UndistortedPixel, WorldPoint,
 };
 
 use calib_site::{Georeference, Site, SiteCamera};
@@ -67,6 +67,8 @@ pub(crate) struct View {
     pub(crate) efov_plane: Plane,
     pub(crate) valid_from: Option<String>,
     pub(crate) valid_to: Option<String>,
+    /// Whether the pose is known. Otherwise only the lens is, and `camera` is at the origin of the world.
+    pub(crate) has_pose: bool,
     /// Whether the camera's position in the site is known.
     pub(crate) is_placed: bool,
     /// Note about an unknown scale of the camera.
@@ -91,9 +93,18 @@ impl View {
         (earth.x_axis_azimuth_deg - 90.0 - self.camera.yaw.to_degrees()).rem_euclid(360.0)
     }
 
-    pub(crate) fn new(site: &Site, entry: &SiteCamera, options: &ExportOptions) -> Option<Self> {
-        let calibrated = with_square_pixels(entry.camera()?);
-        let aspect = entry.camera()?.lens.pixel_aspect;
+    /// Returns the view of a camera; `None` without a calibration. `allows_lenses` accepts a camera without a pose
+    /// if its lens is known.
+    pub(crate) fn new(
+        site: &Site,
+        entry: &SiteCamera,
+        options: &ExportOptions,
+        allows_lenses: bool,
+    ) -> Option<Self> {
+        let posed = entry.camera();
+        let camera = posed.or_else(|| if allows_lenses { camera_at_origin(entry) } else { None })?;
+        let calibrated = with_square_pixels(camera);
+        let aspect = camera.lens.pixel_aspect;
         let size = options.rescale.unwrap_or(entry.size_px);
         let [across, down] = [0, 1].map(|i| f64::from(size[i]) / f64::from(entry.size_px[i]));
         let scale = [across, aspect * down];
@@ -129,6 +140,7 @@ impl View {
             efov_plane: site.efov_plane(entry),
             valid_from: entry.valid_from.clone(),
             valid_to: entry.valid_to.clone(),
+            has_pose: posed.is_some(),
             is_placed: entry.is_placed(),
             scale_note: site.scale_note(entry),
         };
@@ -301,6 +313,21 @@ impl View {
     }
 }
 
+/// Returns a camera at the origin of the world with the lens of an entry; `None` if the focal length, the principal
+/// point or the distortion is unknown.
+fn camera_at_origin(entry: &SiteCamera) -> Option<Camera> {
+    let given = entry.lens_of_image()?;
+    let focal = given.focal_px.filter(|focal| focal.fixed)?.value;
+    given.principal_point_px.as_ref()?;
+    if let Some(distortion) = &given.distortion {
+        distortion.distortion()?;
+    }
+    let lens = entry.lens();
+    let lens = if lens.distortion.is_pinhole() { Lens { focal, ..lens } } else { lens };
+    let position = WorldPoint::new(0.0, 0.0, 0.0);
+    Some(Camera { position, yaw: 0.0, pitch: 0.0, roll: 0.0, focal, lens, covariance: Covariance::UNKNOWN })
+}
+
 /// Returns the camera of the image with square pixels: v of every pixel is divided by the pixel aspect.
 fn with_square_pixels(camera: Camera) -> Camera {
     let Lens { principal_point: Pixel { u, v }, pixel_aspect, .. } = camera.lens;
@@ -323,12 +350,12 @@ pub(crate) fn solve_3x3(m: [[f64; 4]; 3]) -> [f64; 3] {
 }
 
 /// Returns the views of a site, and the ids of the cameras without a calibration.
-pub(crate) fn views(site: &Site, options: &ExportOptions) -> (Vec<View>, Vec<String>) {
+pub(crate) fn views(site: &Site, options: &ExportOptions, allows_lenses: bool) -> (Vec<View>, Vec<String>) {
     let wanted = site.cameras.iter().filter(|c| options.camera.as_ref().is_none_or(|id| *id == c.id));
     let (mut views, mut unsolved) = (Vec::new(), Vec::new());
     let mut taken = HashSet::new();
     for entry in wanted {
-        match View::new(site, entry, options) {
+        match View::new(site, entry, options, allows_lenses) {
             Some(mut view) => {
                 let plain = view.file.clone();
                 // File names coincide for periods of one camera, and for ids that differ only in characters

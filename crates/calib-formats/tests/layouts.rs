@@ -4,7 +4,7 @@
 
 use calib_core::camera::Rational;
 use calib_core::{BrownConrady, Distortion};
-use calib_formats::{File, Imported, format, import};
+use calib_formats::{ExportOptions, File, Imported, export, format, import};
 
 const K: &str = "[[900, 0, 639.5], [0, 900, 359.5], [0, 0, 1]]";
 const SIZE: &str = "\"image_size\": [1280, 720]";
@@ -280,4 +280,34 @@ fn several_messages_of_ros_are_several_cameras_or_repetitions() {
     assert!(error.contains("front") && error.contains("frame_id"), "{error}");
     assert_eq!(ids(&read(&[message("front", 900.0, 1)]).unwrap()), ["front"]);
     assert!(read(&["---\n---\n".to_owned()]).is_err());
+}
+
+#[test]
+fn lenses_without_poses_are_exported_to_formats_of_lenses() {
+    let lens = |d: &str| format!("{{\"K\": {K}, {SIZE}{d}}}");
+    let (plain, brown) = (lens(""), lens(", \"D\": [-0.3, 0.1, 0.001, -0.002, 0]"));
+    let site = read_files("opencv", &[("front.json", &plain[..]), ("back.json", &brown[..])]).unwrap().site;
+    for name in ["opencv", "ros", "kalibr", "colmap"] {
+        let written = export(format(name).unwrap(), &site, &ExportOptions::default()).unwrap();
+        assert!(written.losses.is_empty() && written.unsolved.is_empty(), "{name}: {:?}", written.losses);
+        assert!(!written.files.iter().any(|file| file.name == "images.txt"), "{name}");
+        let back = import(format(name).unwrap(), &written.files).unwrap().site;
+        assert_eq!(back.cameras.len(), 2, "{name}");
+        for (camera, original) in back.cameras.iter().zip(&site.cameras) {
+            assert!(camera.solution.is_none(), "{name}");
+            let (found, expected) = (camera.lens(), original.lens());
+            assert_eq!(found.distortion, expected.distortion, "{name}");
+            assert!(found.principal_point.distance(expected.principal_point) < 1e-9, "{name}");
+            assert_eq!(camera.lens.as_ref().unwrap().focal_px.unwrap().value, 900.0, "{name}");
+        }
+    }
+    for name in ["nerfstudio", "blender", "wildtrack"] {
+        assert!(export(format(name).unwrap(), &site, &ExportOptions::default()).is_err(), "{name}");
+    }
+    // A focal length that is only a prior is not a known lens.
+    let mut unknown = site.clone();
+    for camera in &mut unknown.cameras {
+        camera.lens.as_mut().unwrap().focal_px.as_mut().unwrap().fixed = false;
+    }
+    assert!(export(format("opencv").unwrap(), &unknown, &ExportOptions::default()).is_err());
 }
