@@ -79,6 +79,8 @@ codes! {
         PrincipalPoint = "principal-point",
         /// The entered principal point is the centre of an image of another resolution.
         TwoResolutions = "two-resolutions",
+        /// The focal length of the data sheet contradicts the lines by more than 3 sigma.
+        FocalConflict = "focal-conflict",
         /// Floor lengths depend on the slope of the ground, which is unknown.
         FloorSlope = "floor-slope",
         /// Recorders code images of this size with pixels that are not square, and no pixel aspect is entered.
@@ -142,6 +144,7 @@ impl Code {
             | Self::NotThisImage
             | Self::PixelsNotSquare
             | Self::TwoResolutions
+            | Self::FocalConflict
             | Self::FloorSlope
             | Self::DistortionNotInvertible => Severity::Warning,
             _ => Severity::Note,
@@ -167,6 +170,7 @@ impl Code {
                 | Self::DistortionNotInvertible
                 | Self::PixelsNotSquare
                 | Self::TwoResolutions
+                | Self::FocalConflict
                 | Self::FloorSlope
                 | Self::NotConnected
                 | Self::ScaleUnknown

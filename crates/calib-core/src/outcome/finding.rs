@@ -197,6 +197,17 @@ pub enum Finding {
         /// Width and height of the image, in pixels.
         size: [u32; 2],
     },
+    /// The focal length of the data sheet contradicts the focal length that the lines alone determine.
+    DataSheetConflict {
+        /// Focal length of the data sheet, in pixels.
+        entered: f64,
+        /// Standard deviation of the focal length of the data sheet, in pixels; `None` if it is fixed.
+        entered_sigma: Option<f64>,
+        /// Focal length that the lines determine without the data sheet, in pixels.
+        estimated: f64,
+        /// Standard deviation of `estimated`, in pixels.
+        sigma: f64,
+    },
     /// Floor lengths depend on the slope of the ground, which is unknown.
     UnknownSlope {
         /// Relative standard deviation of floor lengths, for ground that slopes as usual.
@@ -536,6 +547,7 @@ impl Finding {
             Self::EfovAboveHorizon { .. } => Code::EfovAboveHorizon,
             Self::WrongPrincipalPoint { .. } | Self::OffCentre { .. } => Code::PrincipalPoint,
             Self::OtherResolution { .. } => Code::TwoResolutions,
+            Self::DataSheetConflict { .. } => Code::FocalConflict,
             Self::UnknownSlope { .. } => Code::FloorSlope,
             Self::PixelsNotSquare { .. } => Code::PixelsNotSquare,
             Self::DistortionNotInvertible => Code::DistortionNotInvertible,
@@ -570,7 +582,7 @@ impl Finding {
     #[must_use]
     pub fn subject(&self) -> Subject {
         match self {
-            Self::FocalUnobservable { .. } | Self::PriorDominates { .. } => {
+            Self::FocalUnobservable { .. } | Self::PriorDominates { .. } | Self::DataSheetConflict { .. } => {
                 Subject::Parameter(Parameter::Focal)
             }
             Self::TwoSolutions { .. }

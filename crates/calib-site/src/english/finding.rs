@@ -62,7 +62,8 @@ const NOT_INVERTIBLE: &str = "The distortion cannot be inverted in a corner of t
 
 impl SentenceContext<'_> {
     /// Returns the description of a finding, as sentences. Every finding has an arm here or in
-    /// [`Self::shared_message`], and one in [`fixed_advice`] or [`shared_advice`]; `tests.rs` finds empty texts.
+    /// [`Self::shared_message`] or [`lens`], and one in [`fixed_advice`], [`shared_advice`] or [`lens_advice`];
+    /// `tests.rs` finds empty texts.
     fn message(&self, finding: &Finding) -> String {
         use Finding as F;
         match finding {
@@ -116,17 +117,13 @@ impl SentenceContext<'_> {
             F::PlacedByHand => PLACED_BY_HAND.into(),
             F::ScaleConflict { estimated, placed } => self.scale_conflict(*estimated, *placed),
             F::EfovAboveHorizon { is_whole } => efov(*is_whole).into(),
-            F::WrongPrincipalPoint { .. }
-            | F::OffCentre { .. }
-            | F::OtherResolution { .. }
-            | F::PixelsNotSquare { .. } => lens(finding),
             F::DistortionNotInvertible => NOT_INVERTIBLE.into(),
             F::UnknownSlope { usual, sloping } => unknown_slope(*usual, *sloping),
             _ => self.shared_message(finding),
         }
     }
 
-    /// Returns the message of a finding about points, or about evidence that cameras share.
+    /// Returns the message of a finding about points, evidence that cameras share, or entered lens values.
     fn shared_message(&self, finding: &Finding) -> String {
         use Finding as F;
         match finding {
@@ -148,7 +145,7 @@ impl SentenceContext<'_> {
             F::UnusedEvidence { evidence: shared, count } => {
                 format!("{} not used, because each camera is solved separately.", evidence(*shared, *count))
             }
-            _ => String::new(),
+            _ => lens(finding),
         }
     }
 }
@@ -275,10 +272,6 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
             "Check the coordinates and the pixel of the worst point, or switch it off and solve again."
         }
         F::UncheckedPoints { .. } => "Click another point, or draw lines.",
-        F::WrongPrincipalPoint { .. }
-        | F::OffCentre { .. }
-        | F::OtherResolution { .. }
-        | F::PixelsNotSquare { .. } => lens_advice(finding),
         F::UnknownSlope { .. } => {
             "State the slope of the ground: choose the scene in the app, or enter floor_tilt_sigma_deg in \"scene\". Or draw a right angle on the ground."
         }
@@ -294,7 +287,8 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
     }
 }
 
-/// Returns the advice for findings about the principal point, the resolution and the pixels of a lens.
+/// Returns the advice for findings about the data sheet, the principal point, the resolution and the pixels of a
+/// lens; empty for other findings.
 const fn lens_advice(finding: &Finding) -> &'static str {
     match finding {
         Finding::WrongPrincipalPoint { is_exchanged: true, .. } => {
@@ -311,7 +305,12 @@ const fn lens_advice(finding: &Finding) -> &'static str {
             "Enter the lens for this resolution: multiply its focal length and principal point by the ratio of the \
              widths."
         }
-        _ => ENTER_ASPECT,
+        Finding::DataSheetConflict { .. } => {
+            "Check the focal length and the sensor size, or the field of view. Correct or remove them. They do not \
+             apply to an image that is cropped or zoomed."
+        }
+        Finding::PixelsNotSquare { .. } => ENTER_ASPECT,
+        _ => "",
     }
 }
 
@@ -330,7 +329,7 @@ fn unknown_slope(usual: f64, sloping: Option<f64>) -> String {
     )
 }
 
-/// Returns the advice for findings about evidence that cameras share, and about placements.
+/// Returns the advice for findings about evidence that cameras share, placements, and entered lens values.
 const fn shared_advice(finding: &Finding) -> &'static str {
     use Finding as F;
     match finding {
@@ -358,7 +357,7 @@ const fn shared_advice(finding: &Finding) -> &'static str {
         F::PlacedByHand => CONNECT_OR_FIX,
         F::TooManyCameras { .. } => "Use fewer cameras for each link and mark.",
         F::UnusedEvidence { .. } => "Refine the cameras together, with the maximum-likelihood method.",
-        _ => "",
+        _ => lens_advice(finding),
     }
 }
 
@@ -497,8 +496,8 @@ fn points_failure_text(failure: &Failure) -> [String; 2] {
     }
 }
 
-/// Describes a principal point that contradicts the lines or is far from the image centre, or pixels that are
-/// probably not square.
+/// Describes a data sheet or a principal point that contradicts the lines, a principal point far from the image
+/// centre, or pixels that are probably not square. Empty for other findings.
 fn lens(finding: &Finding) -> String {
     let point = |at: &Pixel| format!("({:.0}, {:.0})", at.u, at.v);
     match finding {
@@ -515,6 +514,12 @@ fn lens(finding: &Finding) -> String {
             point(estimated),
             100.0 * distance
         ),
+        Finding::DataSheetConflict { entered, entered_sigma, estimated, sigma } => {
+            let spread = entered_sigma.map_or_else(String::new, |sigma| format!(" \u{b1} {sigma:.0}"));
+            format!(
+                "The data sheet gives a focal length of {entered:.0}{spread} px, but the lines give {estimated:.0} \u{b1} {sigma:.0} px."
+            )
+        }
         Finding::OtherResolution { entered, size: [w, h] } => format!(
             "The entered principal point {} is the centre of an image of {:.0} x {:.0} pixels, but this image has {w} x {h}. \
              The lens probably belongs to another resolution.",
