@@ -21,6 +21,8 @@
 //! - `lens_step`: the lens of each camera, with `shared_lenses` (cameras with a common lens), `lens_cache`
 //!   and `lens_family` (recalibration of one lens family while the operator annotates);
 //! - `single_step`: stage 1, each camera separately, with `points_step` (stage 1 from control points);
+//! - `aspect_step`, `data_sheet_step`: estimates of an unknown pixel aspect, and the comparison of the data sheet with
+//!   the lines;
 //! - `observations`, `bundle_step`: stage 2, all cameras jointly, from their shared observations;
 //! - `placement_step`: placement of cameras by control points or by hand;
 //! - `georeference_step`: georeference from the solved cameras;
@@ -113,6 +115,7 @@ mod single_step;
 mod observations;
 mod bundle_step;
 mod aspect_step;
+mod data_sheet_step;
 mod covariance_entry;
 mod check_geographic;
 mod check_entries;

@@ -5,7 +5,8 @@
 //! focal length solves `atan(a / f) + atan(b / f) = field`, where a and b are the undistorted distances of
 //! both ends from the principal point.
 
-use calib_core::camera::{Lens, Pixel};
+use calib_core::camera::{Camera, Lens, Pixel};
+use calib_core::outcome::Finding;
 use calib_core::single::Known;
 
 use crate::data_sheet::{NOMINAL_SIGMA_REL, Nominal, sensor_diagonal_mm};
@@ -95,6 +96,48 @@ fn focal_from_millimetres(entry: &LensEntry, [width, height]: [f64; 2]) -> Optio
     match sigma {
         None if sensor_sigma > 0.0 => Some(Known::prior(focal, focal * sensor_sigma)),
         _ => Some(Known { value: focal, fixed, sigma }),
+    }
+}
+
+/// Contradiction between the data sheet and the lines of a camera.
+#[derive(Clone, Debug)]
+pub(crate) struct DataSheetConflict {
+    /// Focal length of the data sheet, in pixels.
+    pub(crate) entered: Known,
+    /// Camera that the lines determine without the data sheet.
+    pub(crate) of_lines: Camera,
+    /// Standard deviation of the focal length of that camera, in pixels.
+    pub(crate) sigma: f64,
+}
+
+impl DataSheetConflict {
+    /// Returns the finding that reports both focal lengths.
+    pub(crate) fn finding(&self) -> Finding {
+        Finding::DataSheetConflict {
+            entered: self.entered.value,
+            entered_sigma: self.entered.sigma.filter(|_| !self.entered.fixed),
+            estimated: self.of_lines.focal,
+            sigma: self.sigma,
+        }
+    }
+}
+
+impl LensEntry {
+    /// Returns these values without those of the data sheet; `None` if the data sheet is not used.
+    pub(crate) fn without_data_sheet(&self) -> Option<Self> {
+        let has_data_sheet =
+            [self.hfov_deg, self.vfov_deg, self.dfov_deg, self.focal_mm].iter().any(Option::is_some);
+        // An entered focal length, or that of another camera, has priority.
+        let is_used = has_data_sheet && self.focal_px.is_none() && self.like.is_none();
+        is_used.then(|| Self {
+            hfov_deg: None,
+            vfov_deg: None,
+            dfov_deg: None,
+            focal_mm: None,
+            sensor_mm: None,
+            sensor: None,
+            ..self.clone()
+        })
     }
 }
 

@@ -10,6 +10,7 @@ use crate::check_entries::check_solution;
 use crate::document::{Site, SiteCamera};
 use crate::georeference_step::MapResult;
 use crate::lens_cache::LensCache;
+use crate::nominal_focal::DataSheetConflict;
 use crate::options::Options;
 use crate::pixel_aspect::usual_pixel_aspect;
 use crate::placement_step::placed_uncertainty;
@@ -180,7 +181,9 @@ impl Site {
             }
         }
         let best = |(fit, entry)| {
-            self.with_best_centre(entry, self.with_best_aspect(entry, fit, options, others), options, others)
+            let fit = self.with_best_aspect(entry, fit, options, others);
+            let fit = self.with_best_centre(entry, fit, options, others)?;
+            Ok(self.compared_with_data_sheet(entry, fit, options, others))
         };
         single_fits.into_iter().zip(entries.iter().copied()).map(best).collect()
     }
@@ -192,7 +195,7 @@ impl Site {
     /// Therefore the principal point is estimated from all lines: first near the image centre, then with the prior of
     /// a cropped image. An exactly entered principal point is kept, but another one that explains the lines is
     /// reported.
-    fn with_best_centre(
+    pub(crate) fn with_best_centre(
         &self,
         entry: &SiteCamera,
         fit: Result<SingleFit, Failure>,
@@ -450,6 +453,8 @@ fn add_lengths(entry: &SiteCamera, camera: &Camera, findings: &mut [Finding]) {
 /// point, the uncertainty is unknown.
 fn add_single_findings(entry: &SiteCamera, first: &SingleFit, camera: &Camera, result: &mut CameraResult) {
     let CameraResult { solution, findings, .. } = result;
+    // Other findings may be effects of this conflict.
+    findings.splice(0..0, first.data_sheet_conflict.as_ref().map(DataSheetConflict::finding));
     findings.extend(first.lens_estimate.findings(entry));
     findings.extend(invalid_segments(&first.constraints));
     findings.extend(check_lens(entry, camera));
@@ -497,7 +502,7 @@ fn check_pixels(entry: &SiteCamera) -> Option<Finding> {
 }
 
 /// Reports an entered principal point that contradicts the lines, or an estimated one far from the image
-/// centre.
+/// centre. If the data sheet contradicts the lines, the principal point is that of the lines alone.
 fn check_principal_point(entry: &SiteCamera, first: &SingleFit, camera: &Camera) -> Option<Finding> {
     let entered = entry.entered_principal_point();
     if let Some((estimated, PrincipalPointEntry { value, .. })) = first.other_centre.zip(entered) {
@@ -505,7 +510,8 @@ fn check_principal_point(entry: &SiteCamera, first: &SingleFit, camera: &Camera)
         let is_exchanged = swapped.distance(estimated) < 0.25 * value.distance(estimated);
         return Some(Finding::WrongPrincipalPoint { entered: value, estimated, is_exchanged });
     }
-    let (estimated, centred) = (camera.lens.principal_point, entry.principal_point_near_centre());
+    let of_lines = first.data_sheet_conflict.as_ref().map_or(camera, |conflict| &conflict.of_lines);
+    let (estimated, centred) = (of_lines.lens.principal_point, entry.principal_point_near_centre());
     let is_estimated = entered.is_none() && first.fits_principal_point();
     let [w, h] = entry.size();
     (is_estimated && centred.contradicts(estimated))

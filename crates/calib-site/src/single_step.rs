@@ -7,6 +7,7 @@ use crate::camera_result::CameraResult;
 use crate::document::{Site, SiteCamera};
 use crate::lens_cache::LensCache;
 use crate::lens_step::LensEstimate;
+use crate::nominal_focal::DataSheetConflict;
 use crate::options::Options;
 use crate::points_outside::SharedObservations;
 use crate::points_step::{UsedPoints, from_points, priors_from};
@@ -98,6 +99,8 @@ pub(crate) struct SingleFit {
     pub(crate) principal_point: Option<PrincipalPointPrior>,
     /// Principal point that explains all lines, in pixels, if the entered one contradicts them.
     pub(crate) other_centre: Option<Pixel>,
+    /// Contradiction between the data sheet and the lines alone.
+    pub(crate) data_sheet_conflict: Option<DataSheetConflict>,
 }
 
 impl SingleFit {
@@ -300,6 +303,7 @@ impl SingleInputs<'_> {
             suspect_points: Vec::new(),
             principal_point,
             other_centre: None,
+            data_sheet_conflict: None,
         }
     }
 }
