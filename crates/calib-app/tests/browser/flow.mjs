@@ -428,9 +428,9 @@ async function all() {
     return Promise.all(names.map(async (name) => base64(await calib.picture(name))));
   }, names);
   await desk.drop(names.map((name, index) => [name.replace("png", "jpg"), "image/jpeg", Buffer.from(images[index], "base64")]));
-  await desk.until("three cameras", (state) => state.site.cameras.length === 3);
+  await desk.until("three cameras", (state) => state.site.cameras?.length === 3);
   await desk.settled();
-  const drawn = (state) => state.site.cameras.filter((camera) => camera.annotations.length).length;
+  const drawn = (state) => state.site.cameras.filter((camera) => camera.annotations?.length).length;
   const placed = (state) => state.site.cameras.filter((camera) => camera.placement?.estimated).length;
   await desk.key("Shift+A");
   await desk.until("the first image", (state) => state.automatic?.startsWith("calibrating"));
