@@ -233,6 +233,9 @@ fn one_key_calibrates_and_places_all_cameras() {
         words.contains("3 of 4 cameras are placed by colours") && words.contains("not placed"),
         "{words}"
     );
+    desk.app().act(Action::SelectCamera(0));
+    desk.harness.run_steps(2);
+    assert!(desk.words().join("\n").contains("placed automatically; check it"));
     let pose = |id: &str, found: &Desk| {
         let session = found.harness.state().editor.session();
         let index = session.site.cameras.iter().position(|camera| camera.id == id).unwrap();

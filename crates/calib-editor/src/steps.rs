@@ -195,6 +195,9 @@ fn placement_state(session: &Session, camera: usize) -> String {
         }
         (Some(_), true) => counted(used_points(session, entry), "control point", "control points"),
         (Some(solution), false) if solution.stage == Stage::Refined => "refined with other cameras".into(),
+        (Some(_), false) if entry.placement.as_ref().is_some_and(|own| own.estimated) => {
+            "placed automatically; check it".into()
+        }
         (Some(_), false) => "placed by hand".into(),
         (None, _)
             if session.site.plan.is_some()

@@ -129,13 +129,7 @@ pub(crate) fn read(input: &Input) -> Result<Imported, FormatError> {
         cameras.insert(line.words[0], lens(line, &mut notes)?);
     }
     if !files.iter().any(|file| file.stem() == "images") {
-        let lens = |(id, camera): (&str, ImportedCamera)| ImportedCamera { id: id.to_owned(), ..camera };
-        let mut lenses: Vec<ImportedCamera> = cameras.into_iter().map(lens).collect();
-        lenses.sort_by(|a, b| a.id.cmp(&b.id));
-        let mut imported = site_from_cameras(lenses, input, "cameras.txt")?;
-        notes.push("images.txt or images.bin is missing: the cameras have lenses but no poses".into());
-        imported.notes.extend(notes);
-        return Ok(imported);
+        return only_lenses(cameras, notes, input);
     }
     let (file, image_lines) = lines(files, "images")?;
     let mut given: Vec<ImportedCamera> = Vec::new();
@@ -177,6 +171,21 @@ pub(crate) fn read(input: &Input) -> Result<Imported, FormatError> {
     if input.unit_m().is_none() && imported.site.cameras.iter().any(|camera| camera.solution.is_some()) {
         imported.notes.push("poses are read as metres with z up; a COLMAP model has arbitrary scale and axes unless it was aligned; use --unit for another unit".into());
     }
+    Ok(imported)
+}
+
+/// Returns the cameras of a model without images: lenses without poses.
+fn only_lenses(
+    cameras: HashMap<&str, ImportedCamera>,
+    notes: Vec<String>,
+    input: &Input,
+) -> Result<Imported, FormatError> {
+    let lens = |(id, camera): (&str, ImportedCamera)| ImportedCamera { id: id.to_owned(), ..camera };
+    let mut lenses: Vec<ImportedCamera> = cameras.into_iter().map(lens).collect();
+    lenses.sort_by(|a, b| a.id.cmp(&b.id));
+    let mut imported = site_from_cameras(lenses, input, "cameras.txt")?;
+    imported.notes.push("images.txt or images.bin is missing: the cameras have lenses but no poses".into());
+    imported.notes.extend(notes);
     Ok(imported)
 }
 

@@ -98,6 +98,12 @@ pub fn window_ui(app: &mut App, ui: &mut Ui) {
             start::start_ui(app, ui);
         }
     });
+    sheets_ui(app, ui);
+    highlight_drop(ui);
+}
+
+/// Shows the open sheets and dialogs.
+fn sheets_ui(app: &mut App, ui: &Ui) {
     // The page loads these sheets with its second part, so they are called only if they are open.
     let dialogs = &app.dialogs;
     if dialogs.palette.is_open || dialogs.shortcuts || dialogs.about {
@@ -110,7 +116,6 @@ pub fn window_ui(app: &mut App, ui: &mut Ui) {
         video::video_ui(app, ui.ctx());
     }
     outside::asked_ui(app, ui.ctx());
-    highlight_drop(ui);
 }
 
 /// Outlines the window while files are dragged over it.
