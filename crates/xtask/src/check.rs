@@ -390,7 +390,7 @@ impl Runner {
             ];
             // The fixed seed makes failures depend on the code and not on chance. Run the fuzzer longer by
             // hand.
-            let options = ["--", "-seed=1", "-runs=8000", "-max_len=8192", "-rss_limit_mb=1024"];
+            let options = ["--", "-seed=1", "-runs=10000", "-max_len=8192", "-rss_limit_mb=1024"];
             let mut cargo = self.command("cargo", check)?;
             cargo.args(command).args(options).env("RUSTC_BOOTSTRAP", "1").env("CALIB_FORMAT", format);
             if !cargo.status()?.success() {
