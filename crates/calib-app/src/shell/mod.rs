@@ -182,7 +182,9 @@ fn right(app: &mut App, ui: &mut Ui) {
                 // while typing.
                 section(ui, |ui| lens::lens_ui(app, ui));
                 section(ui, |ui| result::result_ui(app, ui));
-                section(ui, |ui| warnings::warnings_ui(app, ui));
+                if app.editor.session().solution().is_some() {
+                    section(ui, |ui| warnings::warnings_ui(app, ui));
+                }
                 measured(app, ui);
                 section(ui, |ui| {
                     planes::lies_on_ui(app, ui);
