@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use calib_core::{
-    Camera, Code, Failure, FailureCode, Finding, MarkKind, Pixel, Placement, Plane, Residual, ResidualOf,
-    Surface,
+    Camera, Code, Failure, FailureCode, Finding, FloorPoint, MarkKind, Pixel, Placement, Plane, Residual,
+    ResidualOf, Surface,
 };
 
 use calib_site::{
@@ -430,9 +430,6 @@ impl Solved {
     }
 }
 
-/// Two floor positions of one point, in metres: before and after a similarity.
-pub(crate) type FloorPair = ([f64; 2], [f64; 2]);
-
 /// Returns the placement of the camera `after` for which its floor polygon is closest to the floor polygon of
 /// the camera `before`. `corners` are raw pixels. `None` if the corners do not determine a placement.
 #[must_use]
@@ -441,40 +438,15 @@ pub(crate) fn keep_polygon(before: &Camera, after: &Camera, corners: &[Pixel]) -
     /// uncertain and are not used.
     const MAX_CORNER_DISTANCE_HEIGHTS: f64 = 30.0;
     let unplaced = Placement::NONE.apply(after);
-    let pairs: Vec<FloorPair> = corners
+    let pairs: Vec<(FloorPoint, FloorPoint)> = corners
         .iter()
         .filter_map(|&pixel| {
             let (a, b) = (unplaced.pixel_to_floor(pixel, 0.0)?, before.pixel_to_floor(pixel, 0.0)?);
             (a.x.hypot(a.y) < MAX_CORNER_DISTANCE_HEIGHTS * calib_core::floor::STAGE_1_HEIGHT)
-                .then(|| (a.into(), b.into()))
+                .then_some((a, b))
         })
         .collect();
-    similarity(&pairs)
-}
-
-/// Returns the similarity of the floor that maps the first points of the pairs to the second ones with least
-/// squares: `b = translation + scale e^(i rotation) a`, for the complex numbers `a` and `b` (x + i y). `None`
-/// if the pairs do not determine it.
-#[must_use]
-pub(crate) fn similarity(pairs: &[FloorPair]) -> Option<Placement> {
-    if pairs.len() < 2 {
-        return None;
-    }
-    let count = pairs.len() as f64;
-    let mean = |of: fn(&FloorPair) -> f64| pairs.iter().map(of).sum::<f64>() / count;
-    let (ax, ay) = (mean(|p| p.0[0]), mean(|p| p.0[1]));
-    let (bx, by) = (mean(|p| p.1[0]), mean(|p| p.1[1]));
-    let (mut re, mut im, mut square) = (0.0, 0.0, 0.0);
-    for (a, b) in pairs {
-        let (a, b) = ([a[0] - ax, a[1] - ay], [b[0] - bx, b[1] - by]);
-        re += a[0] * b[0] + a[1] * b[1];
-        im += a[0] * b[1] - a[1] * b[0];
-        square += a[0] * a[0] + a[1] * a[1];
-    }
-    let (c, s) = (re / square, im / square);
-    let scale = c.hypot(s);
-    let by = calib_core::FloorPoint::new(bx - (c * ax - s * ay), by - (s * ax + c * ay));
-    (scale.is_finite() && scale > 1e-6 && by.is_finite()).then(|| Placement { by, turn: s.atan2(c), scale })
+    Placement::fit(&pairs)
 }
 
 #[cfg(test)]

@@ -23,6 +23,38 @@ impl Placement {
     /// Identity transformation: it leaves the polygon of stage 1 unchanged.
     pub const NONE: Self = Self { by: FloorPoint { x: 0.0, y: 0.0 }, turn: 0.0, scale: 1.0 };
 
+    /// Fits the placement that maps the first points of the pairs to the second ones with least squares (Umeyama,
+    /// "Least-squares estimation of transformation parameters", 1991, in two dimensions). With complex numbers,
+    /// `scale e^(i turn) = sum conj(a) b / sum |a|^2`, with a and b relative to their centroids. Returns `None` if
+    /// the pairs do not determine it.
+    #[must_use]
+    pub fn fit(pairs: &[(FloorPoint, FloorPoint)]) -> Option<Self> {
+        /// Smallest scale that is accepted.
+        const MIN_SCALE: f64 = 1e-6;
+        if pairs.len() < 2 {
+            return None;
+        }
+        let count = pairs.len() as f64;
+        let mean = |of: fn(&(FloorPoint, FloorPoint)) -> f64| pairs.iter().map(of).sum::<f64>() / count;
+        let (ax, ay) = (mean(|pair| pair.0.x), mean(|pair| pair.0.y));
+        let (bx, by) = (mean(|pair| pair.1.x), mean(|pair| pair.1.y));
+        let (mut re, mut im, mut square) = (0.0, 0.0, 0.0);
+        for (a, b) in pairs {
+            let (a, b) = ([a.x - ax, a.y - ay], [b.x - bx, b.y - by]);
+            re += a[0] * b[0] + a[1] * b[1];
+            im += a[0] * b[1] - a[1] * b[0];
+            square += a[0] * a[0] + a[1] * a[1];
+        }
+        let (c, s) = (re / square, im / square);
+        let scale = c.hypot(s);
+        let by = FloorPoint::new(bx - (c * ax - s * ay), by - (s * ax + c * ay));
+        (scale.is_finite() && scale > MIN_SCALE && by.is_finite()).then(|| Self {
+            by,
+            turn: s.atan2(c),
+            scale,
+        })
+    }
+
     /// Returns the camera of stage 1 with this placement (the paper's stage 2).
     #[must_use]
     pub fn apply(&self, camera: &Camera) -> Camera {

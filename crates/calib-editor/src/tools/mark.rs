@@ -1,14 +1,13 @@
 //! Mark tool. Virtual elements are created on the floor, dragged in any view, and pinned to pixels with Alt. A
 //! rectangle is created from its four corners in the image of a camera without a pose.
 
-use calib_core::{ControlPoint, MarkKind, Pixel, Placement, WorldPoint};
+use calib_core::{ControlPoint, FloorPoint, MarkKind, Pixel, Placement, WorldPoint};
 
 use calib_site::{Mark, MarkObservation, Site, Stage};
 
 use crate::edit;
 use crate::hit::Part;
 use crate::session::Session;
-use crate::solved::{FloorPair, similarity};
 use crate::tools::place::{SNAP_M, fit_pins, round};
 use crate::tools::{Pane, Phase, Pointer, Tool};
 
@@ -63,9 +62,9 @@ fn pinned_position(session: &Session, index: usize) -> Option<([f64; 2], f64)> {
         let pair = |seen: &MarkObservation| {
             let shown = session.solved.pose(camera)?.pixel_to_floor(seen.px, mark.at_m.z)?;
             let WorldPoint { x, y, .. } = local.point(&seen.point)?;
-            Some(([x, y], shown.into()))
+            Some((FloorPoint::new(x, y), shown))
         };
-        own.filter_map(pair).collect::<Vec<FloorPair>>()
+        own.filter_map(pair).collect::<Vec<(FloorPoint, FloorPoint)>>()
     };
     let is_placed = |&camera: &usize| {
         session.solved.solution(camera).is_some_and(|solution| solution.stage != Stage::Partial)
@@ -79,7 +78,7 @@ fn pinned_position(session: &Session, index: usize) -> Option<([f64; 2], f64)> {
         return None;
     }
     let pairs = cameras.into_iter().map(pairs).max_by_key(Vec::len)?;
-    let placement = similarity(&pairs)?;
+    let placement = Placement::fit(&pairs)?;
     let rounded = |value: f64| (1000.0 * value).round() / 1000.0;
     Some(([placement.by.x, placement.by.y].map(rounded), rounded(placement.turn.to_degrees())))
 }

@@ -28,5 +28,6 @@ mod recovery;
 
 pub use comparison::{CameraChange, Comparison, ComparisonError, SizeMismatchError, annotation_edges};
 pub use recovery::{RecoveryError, recover};
+pub(crate) use turn_fit::median;
 pub use turn_fit::{EdgeOffset, FitParameters, RotationFit, STEP_SIZE, TONE_SIZE};
 pub use window::ShownWindow;

@@ -20,7 +20,7 @@ pub(crate) struct PairModel {
     /// Gradient of the score.
     pub(crate) gradient: Vector4<f64>,
     /// Hessian matrix of the negative score. Its eigenvalues are replaced by their absolute values, so that a
-    /// step of Newton's method increases the score.
+    /// step of Newton's method increases the score (saddle-free Newton method, Dauphin et al. 2014).
     pub(crate) curvature: Matrix4<f64>,
 }
 

@@ -1,11 +1,10 @@
 //! Placements of the cameras of a site from the colours of their images.
 
-use calib_core::floor::STAGE_1_HEIGHT;
-use calib_core::{Camera, FloorPoint};
+use calib_core::{Camera, FloorPoint, Placement};
 use calib_site::{FixedEntry, PlacementEntry, Site, Stage, counted};
 use image::RgbImage;
-use nalgebra::Complex;
 
+use crate::compare::median;
 use crate::registration::local_view::View;
 use crate::registration::pair_search::{PairDecision, PairRegistration, register_pair};
 use crate::registration::relative_pose::wrapped;
@@ -98,7 +97,7 @@ impl PlacementSearch {
     pub const PAIRS_SHARE: f64 = 0.7;
 
     /// Returns the indices of the cameras of a solved site that can be placed: those with a calibration and an
-    /// image. Of several calibration periods of a camera, only the first entry counts.
+    /// image. A camera with several calibration periods is placed by its first entry in the site file.
     ///
     /// # Errors
     /// When fewer than two or more than 16 cameras can be placed, or all are placed; the error is the reason.
@@ -130,18 +129,13 @@ impl PlacementSearch {
             .collect();
         let has_height = |index: usize| site.cameras[index].height_m.is_some() || is_kept(site, index);
         // Cameras whose height is assumed probably hang about as high as the others.
-        let mut heights: Vec<f64> = known
-            .iter()
-            .filter(|(index, ..)| has_height(*index))
-            .map(|(.., camera)| camera.position.z)
-            .collect();
+        let is_measured = |(index, ..): &&(usize, &RgbImage, Camera)| has_height(*index);
+        let heights: Vec<f64> =
+            known.iter().filter(is_measured).map(|(.., camera)| camera.position.z).collect();
         if !heights.is_empty() {
-            heights.sort_by(f64::total_cmp);
-            let median = heights[heights.len() / 2];
-            known
-                .iter_mut()
-                .filter(|(index, ..)| !has_height(*index))
-                .for_each(|(.., camera)| camera.position.z = median);
+            let height = median(heights);
+            let assumed = known.iter_mut().filter(|(index, ..)| !has_height(*index));
+            assumed.for_each(|(.., camera)| camera.position.z = height);
         }
         let views: Vec<View> = known
             .iter()
@@ -197,19 +191,19 @@ impl PlacementSearch {
     }
 
     /// Returns the transformation of each group to the frame of the site; `None` if it is unknown.
-    fn frames(&self, site: &Site, registration: &SiteRegistration) -> Vec<Option<Frame>> {
+    fn frames(&self, site: &Site, registration: &SiteRegistration) -> Vec<Option<Placement>> {
         let by_placed = |group: &Vec<usize>| {
             let placed = group.iter().filter(|&&view| is_kept(site, self.cameras[view]));
             let poses = placed.filter_map(|&view| {
                 Some((registration.cameras[view]?, site.cameras[self.cameras[view]].camera()?))
             });
-            Frame::new(&poses.collect::<Vec<_>>())
+            group_frame(&poses.collect::<Vec<_>>())
         };
-        let mut frames: Vec<Option<Frame>> = registration.groups.iter().map(by_placed).collect();
+        let mut frames: Vec<Option<Placement>> = registration.groups.iter().map(by_placed).collect();
         let is_free = !(0..site.cameras.len()).any(|index| is_kept(site, index));
         let sizes = registration.groups.iter().map(Vec::len).enumerate();
         if let Some((largest, _)) = sizes.rev().max_by_key(|(_, size)| *size).filter(|_| is_free) {
-            frames[largest] = Some(Frame::IDENTITY);
+            frames[largest] = Some(Placement::NONE);
         }
         frames
     }
@@ -220,7 +214,7 @@ impl PlacementSearch {
         site: &Site,
         camera: usize,
         registration: &SiteRegistration,
-        frames: &[Option<Frame>],
+        frames: &[Option<Placement>],
     ) -> CameraPlacement {
         let view = self.cameras.iter().position(|&index| index == camera);
         let group = view.and_then(|view| registration.groups.iter().position(|group| group.contains(&view)));
@@ -240,7 +234,9 @@ impl PlacementSearch {
                 let reason = format!(
                     "it was placed by colours together with {others}; the position can be wrong by half a metre"
                 );
-                (Some(frame.placement(&pose)), reason)
+                let members = group.map_or(&[][..], |group| &registration.groups[group]);
+                let sets_height = members.iter().any(|&member| is_kept(site, self.cameras[member]));
+                (Some(placement_in(&frame, &pose, sets_height)), reason)
             }
             Some((None, _)) => {
                 let others = self.others(site, view, registration);
@@ -316,10 +312,12 @@ fn is_kept(site: &Site, camera: usize) -> bool {
 
 /// Returns whether all cameras with an image are placed together, and a summary of the result.
 fn summary(site: &Site, cameras: &[CameraPlacement], groups: usize, against: usize) -> (bool, String) {
-    let is_wanted = |index: usize| site.owns_links(index) && site.cameras[index].image.is_some();
-    let wanted = (0..cameras.len()).filter(|&index| is_wanted(index)).count();
-    let kept = cameras.iter().filter(|camera| camera.is_kept).count();
-    let placed = cameras.iter().filter(|camera| camera.placement.is_some()).count();
+    let is_wanted = |index: &usize| site.owns_links(*index) && site.cameras[*index].image.is_some();
+    let wanted: Vec<&CameraPlacement> =
+        (0..cameras.len()).filter(is_wanted).map(|index| &cameras[index]).collect();
+    let kept = wanted.iter().filter(|camera| camera.is_kept).count();
+    let placed = wanted.iter().filter(|camera| camera.placement.is_some()).count();
+    let wanted = wanted.len();
     let contradiction = match against {
         0 => String::new(),
         _ => format!("; {} the common pose", counted(against, "pair contradicts", "pairs contradict")),
@@ -335,67 +333,30 @@ fn summary(site: &Site, cameras: &[CameraPlacement], groups: usize, against: usi
     }
 }
 
-/// Similarity transformation from the frame of a group to the frame of the site.
-#[derive(Clone, Copy, Debug)]
-struct Frame {
-    /// Rotation, in radians.
-    turn: f64,
-    scale: f64,
-    /// Position in the frame of the site of the origin of the group, in metres.
-    origin: [f64; 2],
-    /// Whether placed cameras determine the transformation.
-    is_anchored: bool,
+/// Returns the similarity that maps cameras of the group (first) to the site (second). Several cameras determine
+/// it by their positions, one camera by its pose and height. Returns `None` without a camera.
+fn group_frame(poses: &[(Camera, Camera)]) -> Option<Placement> {
+    /// Smallest distance between two cameras whose positions are used, in metres.
+    const MIN_DISTANCE_M: f64 = 0.5;
+    let (group, site) = poses.first()?;
+    let on_floor = |(group, site): &(Camera, Camera)| (group.position.on_floor(), site.position.on_floor());
+    let pairs: Vec<(FloorPoint, FloorPoint)> = poses.iter().map(on_floor).collect();
+    if pairs.iter().any(|pair| pair.0.distance(pairs[0].0) > MIN_DISTANCE_M) {
+        return Placement::fit(&pairs);
+    }
+    let [turn, scale] = [site.yaw - group.yaw, site.position.z / group.position.z];
+    let moved = Placement { turn, scale, ..Placement::NONE }.map_point(pairs[0].0);
+    let by = FloorPoint::new(site.position.x - moved.x, site.position.y - moved.y);
+    Some(Placement { by, turn, scale })
 }
 
-impl Frame {
-    const IDENTITY: Self = Self { turn: 0.0, scale: 1.0, origin: [0.0; 2], is_anchored: false };
-
-    /// Creates the transformation that maps cameras of the group (first) to the site (second). One camera
-    /// determines it by its pose and height; several cameras determine it by their positions, with least
-    /// squares (Umeyama 1991, in two dimensions). Returns `None` without a camera.
-    fn new(poses: &[(Camera, Camera)]) -> Option<Self> {
-        /// Smallest rms distance of the cameras from their centre for a fit of the positions, in metres.
-        const MIN_SPREAD_M: f64 = 0.5;
-        let (group, site) = poses.first()?;
-        let at = |camera: &Camera| Complex::new(camera.position.x, camera.position.y);
-        let count = poses.len() as f64;
-        let from = poses.iter().map(|(group, _)| at(group)).sum::<Complex<f64>>() / count;
-        let to = poses.iter().map(|(_, site)| at(site)).sum::<Complex<f64>>() / count;
-        let spread = poses.iter().map(|(group, _)| (at(group) - from).norm_sqr()).sum::<f64>();
-        let rotation: Complex<f64> = if spread > count * MIN_SPREAD_M * MIN_SPREAD_M {
-            let moved = poses.iter().map(|(group, site)| (at(group) - from).conj() * (at(site) - to));
-            moved.sum::<Complex<f64>>() / spread
-        } else {
-            Complex::from_polar(site.position.z / group.position.z, site.yaw - group.yaw)
-        };
-        let origin = to - rotation * from;
-        let is_anchored = true;
-        Some(Self {
-            turn: rotation.arg(),
-            scale: rotation.norm(),
-            origin: [origin.re, origin.im],
-            is_anchored,
-        })
-    }
-
-    fn map(&self, point: FloorPoint) -> FloorPoint {
-        let (sin, cos) = self.turn.sin_cos();
-        let [x, y] = [cos * point.x - sin * point.y, sin * point.x + cos * point.y];
-        FloorPoint::new(self.scale * x + self.origin[0], self.scale * y + self.origin[1])
-    }
-
-    /// Returns the placement of a camera of the group. It sets the height only relative to placed cameras,
-    /// because colours determine only the ratios of the heights.
-    fn placement(&self, camera: &Camera) -> PlacementEntry {
-        PlacementEntry {
-            move_m: self.map(camera.position.on_floor()),
-            turn_deg: wrapped(camera.yaw + self.turn).to_degrees(),
-            scale: self.is_anchored.then_some(self.scale * camera.position.z / STAGE_1_HEIGHT),
-            fixed: false,
-            held: FixedEntry::default(),
-            estimated: true,
-        }
-    }
+/// Returns the placement of a camera of a group with this frame. Colours determine only the ratios of the
+/// heights. Therefore the placement sets the height only if a camera of the group was already placed.
+fn placement_in(frame: &Placement, pose: &Camera, sets_height: bool) -> PlacementEntry {
+    let position = frame.map_point(pose.position.on_floor()).at_height(frame.scale * pose.position.z);
+    let moved = Camera { position, yaw: wrapped(pose.yaw + frame.turn), ..*pose };
+    let entry = PlacementEntry::from(Placement::from_camera(&moved));
+    PlacementEntry { scale: entry.scale.filter(|_| sets_height), estimated: true, ..entry }
 }
 
 #[cfg(test)]
@@ -412,26 +373,26 @@ mod tests {
     #[test]
     fn frame_maps_the_known_camera_to_its_pose_in_the_site() {
         let (group, site) = (camera(1.0, 2.0, 2.5, 0.3), camera(-4.0, 7.0, 3.0, -2.9));
-        let frame = Frame::new(&[(group, site)]).unwrap();
-        let placement = frame.placement(&group);
+        let frame = group_frame(&[(group, site)]).unwrap();
+        let placement = placement_in(&frame, &group, true);
         assert!(placement.move_m.distance(site.position.on_floor()) < 1e-12);
         assert!((placement.turn_deg - site.yaw.to_degrees()).abs() < 1e-9);
         // Distances are scaled with the ratio of the heights.
-        let other = frame.map(FloorPoint::new(4.0, 6.0));
+        let other = frame.map_point(FloorPoint::new(4.0, 6.0));
         assert!((other.distance(placement.move_m) - 5.0 * 1.2).abs() < 1e-12);
         assert!(
             (placement.scale.unwrap() - 1.0).abs() < 1e-12
-                && Frame::IDENTITY.placement(&group).scale.is_none()
+                && placement_in(&Placement::NONE, &group, false).scale.is_none()
         );
         // Two cameras determine the transformation by their positions.
         let moved = |camera: &Camera| {
-            let at = frame.map(camera.position.on_floor());
+            let at = frame.map_point(camera.position.on_floor());
             Camera { position: at.at_height(9.0), ..*camera }
         };
         let others = [group, camera(5.0, -1.0, 2.5, 0.0)];
-        let found = Frame::new(&others.map(|camera| (camera, moved(&camera)))).unwrap();
+        let found = group_frame(&others.map(|camera| (camera, moved(&camera)))).unwrap();
         assert!((found.scale - 1.2).abs() < 1e-12 && wrapped(found.turn - frame.turn).abs() < 1e-12);
         let at = FloorPoint::new(2.0, -3.0);
-        assert!(found.map(at).distance(frame.map(at)) < 1e-12);
+        assert!(found.map_point(at).distance(frame.map_point(at)) < 1e-12);
     }
 }
