@@ -71,8 +71,18 @@ pub(crate) fn on_plan(app: &App, ui: &Ui, mapping: &Mapping) {
     }
 }
 
+/// Shows groups of commands in a menu, with separators between them; a click sets `chosen`.
+pub(crate) fn grouped_rows(app: &App, ui: &mut Ui, groups: &[&[Command]], chosen: &mut Option<Command>) {
+    for (index, group) in groups.iter().enumerate() {
+        if index > 0 {
+            ui.separator();
+        }
+        rows(app, ui, group, chosen);
+    }
+}
+
 /// Shows a group of commands in a menu, one per row; a click sets `chosen`.
-pub(crate) fn rows(app: &App, ui: &mut Ui, group: &[Command], chosen: &mut Option<Command>) {
+fn rows(app: &App, ui: &mut Ui, group: &[Command], chosen: &mut Option<Command>) {
     ui.set_min_width(260.0);
     let rows = group.iter().filter_map(|command| COMMANDS.iter().find(|row| row.command == *command));
     for row in rows {

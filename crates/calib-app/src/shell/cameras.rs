@@ -13,7 +13,7 @@ use crate::canvas::{Mapping, View};
 use crate::choice::Purpose;
 use crate::command::Command;
 use crate::compare::panel;
-use crate::handles::rows as command_rows;
+use crate::handles::grouped_rows;
 use crate::icons::{self, Icon, Look};
 use crate::overlay::grid_step;
 use crate::paint::{Pen, chip, line};
@@ -178,14 +178,7 @@ fn context_menu(app: &mut App, response: &Response, camera: usize) {
         app.send(Action::SelectCamera(camera));
     }
     let mut chosen = None;
-    Popup::context_menu(response).show(|ui| {
-        for (index, group) in MENU.iter().enumerate() {
-            if index > 0 {
-                ui.separator();
-            }
-            command_rows(app, ui, group, &mut chosen);
-        }
-    });
+    Popup::context_menu(response).show(|ui| grouped_rows(app, ui, &MENU, &mut chosen));
     if let Some(command) = chosen {
         app.send_command(command);
     }

@@ -3,7 +3,7 @@
 use egui::{Align, Button, Layout, RichText, Ui, Vec2};
 
 use crate::command::Command;
-use crate::handles::rows;
+use crate::handles::grouped_rows;
 use crate::icons::{self, Icon, Look};
 use crate::state::{App, Mode};
 use crate::theme;
@@ -67,12 +67,7 @@ fn menu(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
     egui::Popup::menu(&response).show(|ui| {
         let height = ui.ctx().content_rect().bottom() - response.rect.bottom() - 24.0;
         egui::ScrollArea::vertical().max_height(height).show(ui, |ui| {
-            for (i, group) in MENU.iter().enumerate() {
-                if i > 0 {
-                    ui.separator();
-                }
-                rows(app, ui, group, chosen);
-            }
+            grouped_rows(app, ui, MENU, chosen);
         });
     });
 }
