@@ -123,11 +123,11 @@ impl DataSheetConflict {
 }
 
 impl LensEntry {
-    /// Returns these values without those of the data sheet; `None` if the data sheet is not used.
+    /// Returns the lens entry without the values of the data sheet. Returns `None` if it has no such values, or if
+    /// `focal_px` or `like` replaces them.
     pub(crate) fn without_data_sheet(&self) -> Option<Self> {
         let has_data_sheet =
             [self.hfov_deg, self.vfov_deg, self.dfov_deg, self.focal_mm].iter().any(Option::is_some);
-        // An entered focal length, or that of another camera, has priority.
         let is_used = has_data_sheet && self.focal_px.is_none() && self.like.is_none();
         is_used.then(|| Self {
             hfov_deg: None,

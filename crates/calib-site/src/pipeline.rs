@@ -502,7 +502,8 @@ fn check_pixels(entry: &SiteCamera) -> Option<Finding> {
 }
 
 /// Reports an entered principal point that contradicts the lines, or an estimated one far from the image
-/// centre. If the data sheet contradicts the lines, the principal point is that of the lines alone.
+/// centre. If the data sheet contradicts the lines, the principal point that was estimated without the data
+/// sheet is checked.
 fn check_principal_point(entry: &SiteCamera, first: &SingleFit, camera: &Camera) -> Option<Finding> {
     let entered = entry.entered_principal_point();
     if let Some((estimated, PrincipalPointEntry { value, .. })) = first.other_centre.zip(entered) {
