@@ -16,7 +16,7 @@ use calib_demo::random::normal;
 use calib_image::{
     AutomaticCalibration, Bars, Confidence, EdgeClass, EdgeImage, LineSegment, Reason, line_segments,
 };
-use calib_site::{Options, PrincipalPointEntry, Site, Solution};
+use calib_site::{LensEntry, Options, PrincipalPointEntry, Site, Solution};
 use calib_tests::{Scratch, shared};
 use image::{Rgb, RgbImage};
 use rand::{Rng as _, SeedableRng as _};
@@ -181,7 +181,10 @@ fn measured_rooms(name: &'static str, half: usize) -> Option<(Measured, Measured
     };
     let proposed = rooms.iter().filter_map(|room| {
         let still = EdgeImage {
-            principal_point: Some(PrincipalPointEntry::known(centre)),
+            known: LensEntry {
+                principal_point_px: Some(PrincipalPointEntry::known(centre)),
+                ..LensEntry::default()
+            },
             ..EdgeImage::new(room.segments.clone(), [640, 480])
         };
         let proposal = AutomaticCalibration::new(&EdgeImage { lens: Some(Lens::pinhole(centre)), ..still });
@@ -310,6 +313,52 @@ fn demonstration_has_no_gross_errors() {
     let offs: Vec<(String, Option<CalibrationError>)> =
         demo.site.cameras.iter().zip(&demo.truth).map(of).collect();
     assert_eq!(gross_among_sure("demonstration", &offs), 0);
+}
+
+/// Calibrates the flat cameras of the demonstration with a focal length that is `factor` times the true one. Returns the
+/// results and the true focal lengths.
+fn with_known_focal(factor: f64) -> Vec<(AutomaticCalibration, f64)> {
+    let demo = calib_demo::demo_site();
+    let flat = demo.site.cameras.iter().zip(&demo.truth).filter(|(_, (id, _))| id != "checkouts");
+    let of = |(entry, (_, truth)): (&calib_site::SiteCamera, &(String, Camera))| {
+        let focal = factor * truth.focal;
+        let known = LensEntry { focal_px: Some(Known::prior(focal, 0.03 * focal)), ..LensEntry::default() };
+        let image = calib_demo::render(truth, entry.size_px);
+        let edges = EdgeImage { known, ..EdgeImage::new(line_segments(&image), entry.size_px) };
+        (AutomaticCalibration::new(&edges), truth.focal)
+    };
+    flat.map(of).collect()
+}
+
+#[test]
+fn known_focal_length_is_used_and_a_wrong_one_is_reported() {
+    for (found, truth) in with_known_focal(1.03) {
+        let focal = found.solution.unwrap().focal_px;
+        let sigma = found.focal_sigma_rel.unwrap();
+        assert_eq!(found.confidence, Confidence::Sure, "{:?}", found.reasons);
+        assert!(sigma < 0.03 && (focal / truth).ln().abs() < 3.0 * sigma, "{focal} {truth} {sigma}");
+        assert!(found.camera.unwrap().lens.unwrap().focal_px.is_some(), "the entry keeps the known value");
+    }
+    for (found, _) in with_known_focal(1.6) {
+        assert_ne!(found.confidence, Confidence::Sure);
+        assert!(found.reasons.contains(&Reason::FocalConflict), "{:?}", found.reasons);
+    }
+}
+
+#[test]
+fn solution_has_the_standard_deviation_of_the_confidence() {
+    let demo = calib_demo::demo_site();
+    let flat = demo.site.cameras.iter().zip(&demo.truth).filter(|(_, (id, _))| id != "checkouts");
+    for (entry, (id, truth)) in flat {
+        let found = proposal_of(&calib_demo::render(truth, entry.size_px));
+        let solution = found.solution.unwrap();
+        let of_solution = solution.sigma.unwrap().focal_px.unwrap() / solution.focal_px;
+        let stated = found.focal_sigma_rel.unwrap();
+        assert!((0.95..1.05).contains(&(of_solution / stated)), "{id}: {of_solution} {stated}");
+        let drawn = found.camera.unwrap().annotations;
+        let of_groups: Vec<_> = found.groups.iter().map(|group| group.annotation.clone()).collect();
+        assert_eq!(drawn, of_groups);
+    }
 }
 
 #[test]

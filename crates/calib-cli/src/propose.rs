@@ -11,7 +11,7 @@ use calib_image::{
     AutomaticCalibration, Bars, Confidence, EdgeImage, Group, SitePlacement, image_circle, line_segments,
 };
 use calib_report::{is_lens_estimated, overlay, shortened_list, straight_down_text};
-use calib_site::{Options, Site, SiteCamera};
+use calib_site::{DataSheet, LensEntry, Options, PixelAspectEntry, Site, SiteCamera};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -65,6 +65,12 @@ pub(crate) struct Args {
     /// Do not place the cameras relative to each other
     #[arg(long)]
     no_places: bool,
+    /// Data sheet of the cameras, such as "2.8 mm 1/2.7" or "horizontal 98°"
+    #[arg(long, value_name = "TEXT")]
+    data_sheet: Option<String>,
+    /// Pixel aspect of the images: width over height of a pixel
+    #[arg(long, value_name = "RATIO")]
+    pixel_aspect: Option<f64>,
     /// Output format of the report
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
@@ -75,10 +81,31 @@ pub(crate) struct Args {
     threads: ThreadsArgs,
 }
 
+impl Args {
+    /// Returns the known values of the lens for images of this size, in pixels.
+    fn known_lens(&self, size: [u32; 2]) -> Result<LensEntry, CommandError> {
+        let mut lens = LensEntry {
+            pixel_aspect: self.pixel_aspect.map(PixelAspectEntry::Known),
+            ..LensEntry::default()
+        };
+        let sheet = self.data_sheet.as_deref().map(|text| DataSheet::parse(text, size)).transpose();
+        lens.set_data_sheet(
+            sheet.map_err(|error| CommandError::Usage(format!("--data-sheet: {error}")))?.unwrap_or_default(),
+        );
+        let camera = SiteCamera { lens: Some(lens.clone()), ..SiteCamera::new("camera", size) };
+        let site = Site { cameras: vec![camera], ..Site::new() };
+        site.check()
+            .map_err(|error| CommandError::Usage(format!("--data-sheet, --pixel-aspect: {error}")))?;
+        Ok(lens)
+    }
+}
+
 /// Image with its automatic calibration.
 struct ImageCalibration {
     path: PathBuf,
     size: [u32; 2],
+    /// Known values of the lens.
+    known: LensEntry,
     /// Image circle of a fisheye lens, in raw pixels.
     image_circle: Option<ImageCircle>,
     /// Black bars at the sides of the image.
@@ -92,14 +119,13 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if let Some(output) = &args.output {
         files::check_free(output, args.force)?;
     }
+    // Wrong values are reported before the first image is read.
+    args.known_lens([1920, 1080])?;
     let images = site_file::list_images(&args.images)?;
     let ids = ids(&images);
     let mut progress = BatchProgress::new(images.len());
-    let results = args.threads.run(
-        images,
-        |path| calibrate_image(path, args.accept),
-        |result| progress.done(&result.path),
-    )?;
+    let results =
+        args.threads.run(images, |path| calibrate_image(path, args), |result| progress.done(&result.path))?;
     drop(progress);
     let output = args.output.as_deref().unwrap_or("-");
     let cameras = results.iter().zip(ids).map(|(result, id)| camera(result, id, output)).collect();
@@ -136,15 +162,16 @@ fn warn_about_outside_images(site: &Site, output: &str) {
 }
 
 /// Calibrates one image automatically.
-fn calibrate_image(path: PathBuf, accept: Accept) -> Result<ImageCalibration, CommandError> {
+fn calibrate_image(path: PathBuf, args: &Args) -> Result<ImageCalibration, CommandError> {
     let image = site_file::read_image(&path)?;
     let size = [image.width(), image.height()];
     let image_circle = image_circle(&image);
     let bars = Bars::find(&image);
+    let known = args.known_lens(size)?;
     let still = EdgeImage::new(line_segments(&image), size).with_bars(bars);
-    let proposal = AutomaticCalibration::new(&EdgeImage { image_circle, ..still });
-    let is_accepted = accept.accepts(&proposal);
-    Ok(ImageCalibration { path, size, image_circle, bars, calibration: proposal, is_accepted })
+    let proposal = AutomaticCalibration::new(&EdgeImage { image_circle, known: known.clone(), ..still });
+    let is_accepted = args.accept.accepts(&proposal);
+    Ok(ImageCalibration { path, size, known, image_circle, bars, calibration: proposal, is_accepted })
 }
 
 /// Returns a unique id for every image: its file name, with a number if the name is already used.
@@ -165,7 +192,9 @@ fn ids(images: &[PathBuf]) -> Vec<String> {
 /// Returns the camera of an image, with the automatic calibration if it was accepted.
 fn camera(result: &ImageCalibration, id: String, output: &str) -> SiteCamera {
     let camera = result.calibration.camera.clone().filter(|_| result.is_accepted);
-    let mut camera = camera.unwrap_or_else(|| SiteCamera::new(String::new(), result.size));
+    let known = Some(result.known.clone()).filter(|lens| *lens != LensEntry::default());
+    let mut camera =
+        camera.unwrap_or_else(|| SiteCamera { lens: known, ..SiteCamera::new(String::new(), result.size) });
     if result.is_accepted {
         // The straight edges determine the distortion if it is later estimated; they have no effect while the
         // lens is fixed.

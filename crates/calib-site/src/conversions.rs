@@ -10,9 +10,11 @@ use calib_core::camera::{
 use calib_core::floor::{
     ControlPoint, ControlPointNoise, MarkKind, MarkShape, Placement, Surface, default_efov, efov_on_floor,
 };
-use calib_core::single::{FixedParameters, PlanePrior, PrincipalPointPrior, Prior, Priors, SceneErrors};
+use calib_core::single::{
+    FixedParameters, Known, PlanePrior, PrincipalPointPrior, Prior, Priors, SceneErrors,
+};
 
-use crate::document::{ControlPointEntry, FixedEntry, GroundPoint, Link, Mark, PlacementEntry};
+use crate::document::{ControlPointEntry, FixedEntry, GroundPoint, LensEntry, Link, Mark, PlacementEntry};
 use crate::document::{Plan, Site, SiteCamera};
 use crate::geographic::SurveyedPosition;
 use crate::principal_point::PrincipalPointEntry;
@@ -433,6 +435,21 @@ impl SiteCamera {
         self.lens_of_image()?.principal_point_px
     }
 
+    /// Returns the entered lens values in pixels of this image, without distortion, image circle and reference to
+    /// another camera.
+    #[must_use]
+    pub fn known_lens(&self) -> LensEntry {
+        let lens = self.lens_of_image().map_or_else(LensEntry::default, std::borrow::Cow::into_owned);
+        LensEntry { window_px: None, image_circle_px: None, distortion: None, like: None, ..lens }
+    }
+
+    /// Returns the entered focal length in pixels, otherwise the focal length of the data sheet under a lens.
+    #[must_use]
+    pub fn known_focal(&self, under: &Lens) -> Option<Known> {
+        let entered = self.lens_of_image().and_then(|lens| lens.focal_px);
+        entered.or_else(|| self.data_sheet_focal(under))
+    }
+
     /// Returns the image circle, if entered.
     #[must_use]
     pub fn image_circle(&self) -> Option<ImageCircle> {
@@ -487,9 +504,7 @@ impl SiteCamera {
     /// Returns the values of the fixed parameters under a lens, in radians, pixels and metres.
     #[must_use]
     pub fn fixed_parameters(&self, under: &Lens) -> FixedParameters {
-        let fixed = |known: Option<calib_core::single::Known>| {
-            known.filter(|known| known.fixed).map(|known| known.value)
-        };
+        let fixed = |known: Option<Known>| known.filter(|known| known.fixed).map(|known| known.value);
         let Some(lens) = self.lens_of_image() else {
             return FixedParameters { height: fixed(self.height_m), ..FixedParameters::default() };
         };
@@ -504,10 +519,10 @@ impl SiteCamera {
     /// Returns the priors on orientation, focal length and height under a lens, in radians, pixels and metres.
     #[must_use]
     pub fn priors(&self, under: &Lens) -> Priors {
-        let prior = |known: Option<calib_core::single::Known>| {
+        let prior = |known: Option<Known>| {
             known.and_then(|known| Some(Prior { value: known.value, sigma: known.sigma? }))
         };
-        let radians = |known: Option<calib_core::single::Known>| {
+        let radians = |known: Option<Known>| {
             prior(known).map(|p| Prior { value: p.value.to_radians(), sigma: p.sigma.to_radians() })
         };
         let lens = self.lens_of_image();

@@ -139,7 +139,7 @@ pub use bounds::{MAX_CAMERAS, MAX_ITEMS};
 pub use check::{MAX_BYTES, MAX_SIDE, MAX_VALUES};
 pub use coordinate_system::{CoordinateSystem, CoordinateSystemError};
 pub use coverage::{AreaResult, CoverageError, CoverageOptions, FloorRectangle, SiteCoverage};
-pub use data_sheet::Nominal;
+pub use data_sheet::{DataSheet, DataSheetError, Nominal};
 pub use document::{
     ControlPointEntry, Distance, FixedEntry, Format, Georeference, GroundPoint, LensEntry, Link, LinkKind,
     LinkObservation, Mark, MarkObservation, PlacementEntry, Plan, Site, SiteCamera,

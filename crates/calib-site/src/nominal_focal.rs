@@ -9,7 +9,7 @@ use calib_core::camera::{Camera, Lens, Pixel};
 use calib_core::outcome::Finding;
 use calib_core::single::Known;
 
-use crate::data_sheet::{NOMINAL_SIGMA_REL, Nominal, sensor_diagonal_mm};
+use crate::data_sheet::{DataSheet, NOMINAL_SIGMA_REL, Nominal, sensor_diagonal_mm};
 use crate::document::{LensEntry, SiteCamera};
 
 /// Relative standard deviation of the size of a sensor from its optical format, which is a rounded name.
@@ -123,21 +123,39 @@ impl DataSheetConflict {
 }
 
 impl LensEntry {
+    /// Returns the values of the data sheet.
+    #[must_use]
+    pub fn data_sheet(&self) -> DataSheet {
+        DataSheet {
+            fields_deg: [self.hfov_deg, self.vfov_deg, self.dfov_deg],
+            focal_mm: self.focal_mm,
+            sensor_mm: self.sensor_mm,
+            sensor: self.sensor.clone(),
+        }
+    }
+
+    /// Replaces the values of the data sheet.
+    pub fn set_data_sheet(&mut self, sheet: DataSheet) {
+        [self.hfov_deg, self.vfov_deg, self.dfov_deg] = sheet.fields_deg;
+        (self.focal_mm, self.sensor_mm, self.sensor) = (sheet.focal_mm, sheet.sensor_mm, sheet.sensor);
+    }
+
+    /// Returns the lens entry without a focal length and without the values of the data sheet.
+    #[must_use]
+    pub fn without_known_focal(&self) -> Self {
+        let lens = Self { focal_px: None, ..self.clone() };
+        lens.without_data_sheet().unwrap_or(lens)
+    }
+
     /// Returns the lens entry without the values of the data sheet. Returns `None` if it has no such values, or if
     /// `focal_px` or `like` replaces them.
     pub(crate) fn without_data_sheet(&self) -> Option<Self> {
         let has_data_sheet =
             [self.hfov_deg, self.vfov_deg, self.dfov_deg, self.focal_mm].iter().any(Option::is_some);
         let is_used = has_data_sheet && self.focal_px.is_none() && self.like.is_none();
-        is_used.then(|| Self {
-            hfov_deg: None,
-            vfov_deg: None,
-            dfov_deg: None,
-            focal_mm: None,
-            sensor_mm: None,
-            sensor: None,
-            ..self.clone()
-        })
+        let mut lens = self.clone();
+        lens.set_data_sheet(DataSheet::default());
+        is_used.then_some(lens)
     }
 }
 

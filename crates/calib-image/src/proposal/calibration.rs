@@ -7,12 +7,14 @@
 //! 4. The standard deviation of the focal length combines the standard deviation of the solution, the scatter
 //!    of the other mixtures, weighted by their evidence, and the uncertainty of the lens. This standard
 //!    deviation determines the confidence, together with other checks.
+//! 5. The strokes get the standard deviation with which their solution has this standard deviation of the focal
+//!    length. Every later solve then includes the uncertainty of the automatic choice of edges.
 
 use std::fmt;
 
-use calib_core::single::PrincipalPointPrior;
+use calib_core::single::{Known, PrincipalPointPrior};
 use calib_core::{Code, ImageCircle, Kind, Lens, Orientation, Pixel};
-use calib_site::{PrincipalPointEntry, SiteCamera, Solution, usual_pixel_aspect};
+use calib_site::{LensEntry, PrincipalPointEntry, SiteCamera, Solution, usual_pixel_aspect};
 
 use super::curvature::LensEstimate;
 use super::curved_edge::curved_edges;
@@ -100,6 +102,8 @@ pub enum Reason {
     },
     /// Camera that may lie on its side: it looks straight ahead, and a floor direction could be the vertical.
     MayLieOnItsSide,
+    /// Known focal length that contradicts the edges.
+    FocalConflict,
     /// Contradictory edges: residuals larger than their noise.
     Misfit {
         /// Sum of squared residuals for each degree of freedom.
@@ -155,6 +159,9 @@ impl fmt::Display for Reason {
             Self::MayLieOnItsSide => f.write_str(
                 "the camera looks straight ahead, or it lies on its side; check that the floor is at the bottom of the image",
             ),
+            Self::FocalConflict => f.write_str(
+                "the entered focal length or data sheet contradicts the edges; check the values and the verticals",
+            ),
             Self::Misfit { chi2_per_dof } => write!(
                 f,
                 "the lines contradict each other (chi-square {chi2_per_dof:.1} per degree of freedom); remove the wrong ones"
@@ -187,6 +194,8 @@ const MAX_CHECK_PRIOR_Z_SCORE: f64 = 3.0;
 /// Correction factor for the standard deviation of the solver. The solver underestimates it, because the
 /// strokes of one edge share their errors.
 const SIGMA_INFLATION: f64 = 1.6;
+/// Largest standard deviation of a stroke, in pixels. Rejected calibrations reach it.
+const MAX_STROKE_SIGMA_PX: f64 = 20.0;
 
 /// Input of an automatic calibration: the edges of an image, its size, and the lens if known.
 #[derive(Clone, Debug)]
@@ -195,13 +204,12 @@ pub struct EdgeImage {
     pub segments: Vec<LineSegment>,
     /// Width and height, in pixels.
     pub size: [u32; 2],
-    /// Principal point, if it is known or has a standard deviation; otherwise the centre of the image circle, or
-    /// near the centre of the picture.
-    pub principal_point: Option<PrincipalPointEntry>,
+    /// Known values of the lens: focal length, data sheet, principal point and pixel aspect. Without a principal point,
+    /// it is the centre of the image circle, or near the centre of the picture. Without a pixel aspect, pixels are
+    /// assumed to be square. Distortion and image circle are not read from here.
+    pub known: LensEntry,
     /// Black bars at the sides of the image.
     pub bars: Bars,
-    /// Pixel aspect, if known; otherwise pixels are assumed to be square.
-    pub pixel_aspect: Option<f64>,
     /// Lens, if known; otherwise the distortion is estimated from the measured rises of the edges.
     pub lens: Option<Lens>,
     /// Image circle of a round image, in raw pixels; `None` if the scene fills the image.
@@ -288,10 +296,40 @@ impl AutomaticCalibration {
                 let straight = curved_edges(&grouping.lines, &image.segments, &grouping.lens);
                 // The distortion of a known lens is not fitted.
                 let straight = if image.lens.is_some() { Vec::new() } else { straight };
-                Self { curved_edges: straight, ..Self::from_grouping(&grouping, best, image) }
+                let found = Self { curved_edges: straight, ..Self::from_grouping(&grouping, best, image) };
+                found.compared_with_edges_alone(image)
             }
             _ => Self::none(vec![Reason::NoDirections]),
         }
+    }
+
+    /// Compares a calibration with a known focal length with the calibration by edges alone, and reduces the
+    /// confidence if they differ. The known focal length decides which edges belong together, so the chosen edges alone
+    /// do not show the contradiction.
+    fn compared_with_edges_alone(mut self, image: &EdgeImage) -> Self {
+        /// Difference of the log focal lengths, in standard deviations, above which the calibration is not `sure`.
+        const MAX_SURE_DEVIATION: f64 = 2.0;
+        /// The same for `check`.
+        const MAX_CHECK_DEVIATION: f64 = 3.0;
+        let known = image.known.without_known_focal();
+        if known == image.known {
+            return self;
+        }
+        let focal = |found: &Self| Some((found.solution.as_ref()?.focal_px, found.focal_sigma_rel?));
+        let alone = Self::new(&EdgeImage { known, ..image.clone() });
+        let Some(((with, sigma), (without, alone_sigma))) = focal(&self).zip(focal(&alone)) else {
+            return self;
+        };
+        let deviation = (with / without).ln().abs() / sigma.hypot(alone_sigma);
+        if deviation > MAX_SURE_DEVIATION {
+            let is_usable = deviation < MAX_CHECK_DEVIATION;
+            self.confidence =
+                self.confidence.max(if is_usable { Confidence::Check } else { Confidence::None });
+            if !self.reasons.contains(&Reason::FocalConflict) {
+                self.reasons.push(Reason::FocalConflict);
+            }
+        }
+        self
     }
 
     /// Creates a result without a calibration, for these reasons.
@@ -311,7 +349,7 @@ impl AutomaticCalibration {
     /// Creates the result for the likeliest mixture `best` of an image.
     fn from_grouping(grouping: &Grouping, best: &Mixture, image: &EdgeImage) -> Self {
         let groups = grouping.groups_of(best);
-        let camera = entry(image.size, image.principal_point_entry(), &grouping.lens, &groups);
+        let camera = entry(image.size, &image.known_lens(), &grouping.lens, &groups);
         let mut proposal = Self { groups, ..Self::none(Vec::new()) };
         let Some(solution) = solve_entry(&camera) else {
             proposal.reasons = vec![Reason::NoVerticals];
@@ -326,29 +364,70 @@ impl AutomaticCalibration {
         }
         proposal.reasons.extend(image.doubts().into_iter().chain(doubtful_mount(best)));
         let scatter = Scatter::new(best, &grouping.others());
-        let own = own_focal_sigma(&camera, &solution);
-        let sigma = own.hypot(scatter.sigma).hypot(grouping.lens_sigma);
-        let unusual = image.prior().z_score(&best.camera);
-        let alternative = proposal.set_confidence([sigma, own, unusual], &scatter, &solution);
+        let known = image.known_focal(&grouping.lens);
+        let sigmas = FocalSigmas::new(&camera, &solution, scatter.sigma.hypot(grouping.lens_sigma), known);
+        let unusual = image.prior(&grouping.lens).z_score(&best.camera);
+        proposal.focal_sigma_rel = Some(sigmas.total);
+        proposal.camera = Some(camera);
+        proposal.solution = Some(solution.clone());
+        let stroke_sigma = proposal.widen_strokes(sigmas.total);
+        let alternative = proposal.set_confidence(sigmas, unusual, &scatter, &solution);
         proposal.alternative = alternative
             .map(|other| Alternative { orientation: other.camera, groups: grouping.groups_of(other) });
-        proposal.focal_sigma_rel = Some(sigma);
-        proposal.camera = Some(camera);
-        proposal.solution = Some(solution);
+        let others = proposal.alternative.iter_mut().flat_map(|other| &mut other.groups);
         proposal
+            .groups
+            .iter_mut()
+            .chain(others)
+            .for_each(|group| group.annotation.sigma_px = Some(stroke_sigma));
+        proposal
+    }
+
+    /// Sets the standard deviation `s` of the strokes so that the relative standard deviation `r` of the focal length in
+    /// the solution is `target`, up to 3 %. Returns `s`, in pixels.
+    ///
+    /// `r^2` is almost linear in `s^2`: right angles and the principal point contribute a constant. Therefore `s^2` is
+    /// found by the secant method. It starts from the present solution, with the usual standard deviation of 1 pixel.
+    fn widen_strokes(&mut self, target: f64) -> f64 {
+        /// Largest number of solves.
+        const MAX_SOLVES: usize = 6;
+        let mut found = [1.0, self.solution.as_ref().map_or(UNKNOWN_FOCAL_SIGMA, relative_focal_sigma)];
+        let mut stroke_sigma = SIGMA_INFLATION;
+        let Some(camera) = self.camera.as_mut() else { return stroke_sigma };
+        for _ in 0..MAX_SOLVES {
+            stroke_sigma = (100.0 * stroke_sigma.clamp(1.0, MAX_STROKE_SIGMA_PX)).round() / 100.0;
+            camera.annotations.iter_mut().for_each(|annotation| annotation.sigma_px = Some(stroke_sigma));
+            let Some(solution) = solve_entry(camera) else { break };
+            let sigma = relative_focal_sigma(&solution);
+            self.solution = Some(solution);
+            let is_largest = stroke_sigma >= MAX_STROKE_SIGMA_PX && sigma < target;
+            if is_largest || (target / sigma).ln().abs() < 0.03 {
+                break;
+            }
+            let [before, of_before] = std::mem::replace(&mut found, [stroke_sigma, sigma]);
+            let slope = (sigma.powi(2) - of_before.powi(2)) / (stroke_sigma.powi(2) - before.powi(2));
+            let square = stroke_sigma.powi(2) + (target.powi(2) - sigma.powi(2)) / slope;
+            // At most a factor of 4 at a time, also if the solution does not depend on the strokes.
+            let limits = [0.25 * stroke_sigma, 4.0 * stroke_sigma];
+            stroke_sigma = if slope > 0.0 { square.max(0.0).sqrt() } else { limits[1] };
+            stroke_sigma = stroke_sigma.clamp(limits[0], limits[1]);
+        }
+        stroke_sigma
     }
 
     /// Sets the confidence and its reasons. Returns the rival mixture if it is one of the reasons.
     ///
-    /// `sigma` is the relative standard deviation of the focal length, and `own` its part from the solution.
-    /// `unusual` is the z-score of the camera under its prior.
+    /// `first` is the solution with the usual standard deviation of the strokes. `unusual` is the z-score of the camera under its prior.
     fn set_confidence<'a>(
         &mut self,
-        [sigma, own, unusual]: [f64; 3],
+        sigmas: FocalSigmas,
+        unusual: f64,
         scatter: &Scatter<'a>,
-        solution: &Solution,
+        first: &Solution,
     ) -> Option<&'a Mixture> {
-        let missing = self.missing_directions(own);
+        let focal = self.solution.as_ref().unwrap_or(first).focal_px;
+        let FocalSigmas { total: sigma, own, is_known } = sigmas;
+        let missing = self.missing_directions(own, is_known);
         let is_complete = missing.is_none();
         self.reasons.extend(missing);
         if is_complete && own > MAX_SURE_FOCAL_SIGMA {
@@ -356,14 +435,17 @@ impl AutomaticCalibration {
         }
         let rival = scatter.rival.filter(|_| sigma > MAX_SURE_FOCAL_SIGMA && scatter.sigma > 0.5 * own);
         if let Some(rival) = rival {
-            self.reasons.push(Reason::TwoHypotheses { focals: [solution.focal_px, rival.camera.focal] });
+            self.reasons.push(Reason::TwoHypotheses { focals: [focal, rival.camera.focal] });
         }
         if unusual > MAX_SURE_PRIOR_Z_SCORE {
-            self.reasons.push(Reason::Unusual { focal: solution.focal_px });
+            self.reasons.push(Reason::Unusual { focal });
         }
-        if solution.has_warning(Code::Misfit) {
-            let chi2_per_dof = solution.chi2.unwrap_or(0.0) / solution.dof.unwrap_or(1).max(1) as f64;
+        if first.has_warning(Code::Misfit) {
+            let chi2_per_dof = first.chi2.unwrap_or(0.0) / first.dof.unwrap_or(1).max(1) as f64;
             self.reasons.push(Reason::Misfit { chi2_per_dof });
+        }
+        if first.has_warning(Code::FocalConflict) {
+            self.reasons.push(Reason::FocalConflict);
         }
         if self.reasons.is_empty() && sigma >= MAX_SURE_FOCAL_SIGMA {
             self.reasons.push(Reason::FocalUncertain { sigma });
@@ -377,15 +459,15 @@ impl AutomaticCalibration {
         rival
     }
 
-    /// Returns the reason for a reduced confidence if verticals or a second floor direction are missing.
-    /// `sigma` is the relative standard deviation of the focal length.
-    fn missing_directions(&self, sigma: f64) -> Option<Reason> {
+    /// Returns the reason for a reduced confidence if verticals or a second floor direction are missing. A known focal
+    /// length replaces the second direction. `sigma` is the relative standard deviation of the focal length.
+    fn missing_directions(&self, sigma: f64, is_focal_known: bool) -> Option<Reason> {
         let levels = self.groups.iter().filter(|group| group.annotation.kind == Kind::Parallel).count();
         let verticals = self.groups.iter().find(|group| group.annotation.kind == Kind::Vertical);
         if verticals.is_none_or(|group| group.probabilities.len() < 2) {
             return Some(Reason::NoVerticals);
         }
-        (levels < 2).then_some(Reason::OneDirection { sigma })
+        (levels < 2 && !is_focal_known).then_some(Reason::OneDirection { sigma })
     }
 }
 
@@ -414,16 +496,8 @@ impl<'a> Scatter<'a> {
 impl EdgeImage {
     /// Creates the input from the edges and the width and height of an image, in pixels; the lens is unknown.
     #[must_use]
-    pub const fn new(segments: Vec<LineSegment>, size: [u32; 2]) -> Self {
-        Self {
-            segments,
-            size,
-            principal_point: None,
-            bars: Bars::NONE,
-            pixel_aspect: None,
-            lens: None,
-            image_circle: None,
-        }
+    pub fn new(segments: Vec<LineSegment>, size: [u32; 2]) -> Self {
+        Self { segments, size, known: LensEntry::default(), bars: Bars::NONE, lens: None, image_circle: None }
     }
 
     /// Adds the bars of the image: edges of a bar are not used, and the principal point is near the centre of
@@ -442,12 +516,7 @@ impl EdgeImage {
         let given = camera.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
         let is_known = given.is_some_and(|distortion| distortion.distortion().is_some());
         Self {
-            principal_point: camera.entered_principal_point(),
-            pixel_aspect: camera
-                .lens
-                .as_ref()
-                .and_then(|lens| lens.pixel_aspect)
-                .map(|_| camera.pixel_aspect()),
+            known: camera.known_lens(),
             lens: is_known.then(|| camera.lens()),
             image_circle: camera.image_circle(),
             ..Self::new(segments, camera.size_px)
@@ -456,14 +525,14 @@ impl EdgeImage {
 
     /// Returns the reason to doubt that the pixels are square, if their aspect is unknown.
     fn pixel_doubt(&self) -> Option<Reason> {
-        let aspect = usual_pixel_aspect(self.size).filter(|_| self.pixel_aspect.is_none())?;
+        let aspect = usual_pixel_aspect(self.size).filter(|_| self.known.pixel_aspect.is_none())?;
         Some(Reason::PixelsNotSquare { aspect })
     }
 
     /// Returns the entered principal point, otherwise the centre of the image circle.
     fn known_centre(&self) -> Option<PrincipalPointEntry> {
         let of_circle = || self.image_circle.map(|circle| PrincipalPointEntry::known(circle.centre()));
-        self.principal_point.or_else(of_circle)
+        self.known.principal_point_px.or_else(of_circle)
     }
 
     /// Returns the principal point for the site file; `None` near the image centre.
@@ -487,9 +556,20 @@ impl EdgeImage {
         f64::from(self.bars.picture_size(self.size)[0])
     }
 
-    /// Returns the prior of cameras for this image.
-    fn prior(&self) -> CameraPrior {
-        CameraPrior::from_width(self.picture_width())
+    /// Returns the prior of cameras for this image under a lens.
+    fn prior(&self, lens: &Lens) -> CameraPrior {
+        CameraPrior::new(self.picture_width(), self.known_focal(lens))
+    }
+
+    /// Returns the known focal length under a lens, in pixels.
+    fn known_focal(&self, lens: &Lens) -> Option<Known> {
+        let known = Some(self.known.clone());
+        SiteCamera { lens: known, ..SiteCamera::new("still", self.size) }.known_focal(lens)
+    }
+
+    /// Returns the known values of the lens for a site file, with the principal point.
+    fn known_lens(&self) -> LensEntry {
+        LensEntry { principal_point_px: self.principal_point_entry(), ..self.known.clone() }
     }
 
     /// Returns the width and height, in pixels.
@@ -502,7 +582,8 @@ impl EdgeImage {
     fn pinhole(&self) -> Lens {
         let centre =
             self.known_centre().map_or_else(|| self.bars.picture_centre(self.size), |entry| entry.value);
-        Lens { pixel_aspect: self.pixel_aspect.unwrap_or(1.0), ..Lens::pinhole(centre) }
+        let aspect = self.known.pixel_aspect.map_or(1.0, |entry| entry.start(self.size));
+        Lens { pixel_aspect: aspect, ..Lens::pinhole(centre) }
     }
 
     /// Joins and groups the edges under the known or estimated lens.
@@ -512,7 +593,7 @@ impl EdgeImage {
             None => LensEstimate::from_rises(&self.segments, self.pinhole(), self.sides()),
         };
         let lines = self.lines(&lens);
-        let prior = self.prior();
+        let prior = self.prior(&lens);
         let found = hypotheses(&lines, self.picture_width(), &prior);
         let mut mixtures: Vec<Mixture> =
             found.iter().flat_map(|hypothesis| variants(&lines, hypothesis, &prior)).collect();
@@ -526,7 +607,7 @@ impl EdgeImage {
 
     /// Returns the change of the log focal length of a mixture under another lens.
     fn log_focal_change(&self, best: &Mixture, lens: &Lens) -> f64 {
-        let prior = self.prior();
+        let prior = self.prior(lens);
         let start = (best.camera, best.azimuths.clone(), best.right_angles.clone());
         let other = Mixture::fit(&self.lines(lens), start, &prior);
         other.map_or(UNKNOWN_FOCAL_SIGMA, |other| (other.camera.focal / best.camera.focal).ln())
@@ -540,25 +621,59 @@ impl EdgeImage {
     }
 }
 
+/// Relative standard deviations of the focal length.
+#[derive(Clone, Copy)]
+struct FocalSigmas {
+    /// Standard deviation with all its parts.
+    total: f64,
+    /// Part from the solution, without the choice of edges and without the lens.
+    own: f64,
+    /// Whether a known focal length contributes.
+    is_known: bool,
+}
+
+impl FocalSigmas {
+    /// Returns the standard deviations of a solved camera entry. `of_choice` is the part from the choice of edges and from
+    /// the lens. `known` is the known focal length; it limits all parts.
+    fn new(camera: &SiteCamera, solution: &Solution, of_choice: f64, known: Option<Known>) -> Self {
+        let Some(Known { value, sigma, .. }) = known else {
+            let own = own_focal_sigma(camera, solution);
+            return Self { total: own.hypot(of_choice), own, is_known: false };
+        };
+        let of_known = (sigma.unwrap_or(0.0) / value).max(1e-6);
+        let limited = |sigma: f64| (sigma.powi(-2) + of_known.powi(-2)).powf(-0.5);
+        let mut alone = camera.clone();
+        if let Some(lens) = &mut alone.lens {
+            *lens = lens.without_known_focal();
+        }
+        let own =
+            solve_entry(&alone).map_or(UNKNOWN_FOCAL_SIGMA, |solution| own_focal_sigma(&alone, &solution));
+        Self { total: limited(own.hypot(of_choice)), own: limited(own), is_known: true }
+    }
+}
+
 /// Returns the relative standard deviation of the focal length of the solution of a camera entry.
 ///
 /// The strokes have common errors that the solver treats as independent. Therefore the part from the lines is
 /// multiplied by [`SIGMA_INFLATION`]. The part from the uncertainty of the principal point is not. A second solution
 /// with a fixed principal point separates both parts.
 fn own_focal_sigma(camera: &SiteCamera, solution: &Solution) -> f64 {
-    let relative = |solution: &Solution| {
-        let sigma = solution.sigma.as_ref().and_then(|sigma| sigma.focal_px);
-        sigma.map_or(UNKNOWN_FOCAL_SIGMA, |sigma| sigma / solution.focal_px)
-    };
     let mut held = camera.clone();
     let centre = PrincipalPointEntry::known(camera.principal_point());
     held.lens.get_or_insert_default().principal_point_px = Some(centre);
-    let whole = relative(solution);
+    let whole = relative_focal_sigma(solution);
     // A known principal point is held already.
     let is_held = held == *camera;
-    let lines = if is_held { whole } else { solve_entry(&held).as_ref().map_or(whole, relative).min(whole) };
+    let of_held = || solve_entry(&held).as_ref().map_or(whole, relative_focal_sigma);
+    let lines = if is_held { whole } else { of_held().min(whole) };
     let of_centre = (whole * whole - lines * lines).max(0.0);
     (SIGMA_INFLATION * lines).hypot(of_centre.sqrt()).min(UNKNOWN_FOCAL_SIGMA)
+}
+
+/// Returns the relative standard deviation of the focal length of a solution.
+fn relative_focal_sigma(solution: &Solution) -> f64 {
+    let sigma = solution.sigma.as_ref().and_then(|sigma| sigma.focal_px);
+    sigma.map_or(UNKNOWN_FOCAL_SIGMA, |sigma| sigma / solution.focal_px)
 }
 
 /// Whether the solution of the strokes differs from the camera of all edges in roll or pitch by more than

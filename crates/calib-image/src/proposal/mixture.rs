@@ -13,6 +13,7 @@
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use calib_core::Orientation;
+use calib_core::single::Known;
 use nalgebra::{DMatrix, DVector};
 
 use super::frame::{Point, level, nadir};
@@ -31,12 +32,35 @@ const LOG_FOCAL_SIGMA: f64 = 0.35;
 pub(super) struct CameraPrior {
     /// Natural logarithm of the median focal length, in pixels.
     log_focal: f64,
+    /// Standard deviation of the logarithm of the focal length.
+    log_focal_sigma: f64,
+    /// Whether the focal length is entered by the operator.
+    is_focal_known: bool,
 }
 
 impl CameraPrior {
-    /// Creates the prior for images of this width, in pixels.
-    pub(super) fn from_width(width: f64) -> Self {
-        Self { log_focal: (MEDIAN_FOCAL_WIDTHS * width).ln() }
+    /// Smallest standard deviation of the logarithm of a known focal length, so that the search has a width.
+    const MIN_LOG_FOCAL_SIGMA: f64 = 1e-3;
+
+    /// Creates the prior for images of this width, in pixels, and for a known focal length.
+    pub(super) fn new(width: f64, focal: Option<Known>) -> Self {
+        let unknown = Self {
+            log_focal: (MEDIAN_FOCAL_WIDTHS * width).ln(),
+            log_focal_sigma: LOG_FOCAL_SIGMA,
+            is_focal_known: false,
+        };
+        focal.map_or(unknown, |Known { value, sigma, .. }| Self {
+            log_focal: value.ln(),
+            log_focal_sigma: (sigma.unwrap_or(0.0) / value).max(Self::MIN_LOG_FOCAL_SIGMA),
+            is_focal_known: true,
+        })
+    }
+
+    /// Returns the smallest and the largest focal length of the search, in pixels; `None` if the focal length is not
+    /// known.
+    pub(super) fn focal_range(&self) -> Option<[f64; 2]> {
+        let at = |sigmas: f64| (self.log_focal + sigmas * self.log_focal_sigma).exp();
+        self.is_focal_known.then(|| [at(-3.0), at(3.0)])
     }
 
     /// Returns the log density of a camera over roll, pitch and log focal length, up to a constant.
@@ -46,9 +70,10 @@ impl CameraPrior {
     }
 
     /// Returns the larger absolute residual of roll and log focal length, in standard deviations: a measure
-    /// of how unusual a camera is.
+    /// of how unusual a camera is. A known focal length is never unusual.
     pub(super) fn z_score(&self, camera: &Orientation) -> f64 {
-        self.residuals(camera).iter().map(|(residual, _)| residual.abs()).fold(0.0, f64::max)
+        let [(roll, _), (focal, _)] = self.residuals(camera);
+        if self.is_focal_known { roll.abs() } else { roll.abs().max(focal.abs()) }
     }
 
     /// Returns the residuals of roll and log focal length, in standard deviations, each with its derivative
@@ -56,7 +81,7 @@ impl CameraPrior {
     pub(super) fn residuals(&self, camera: &Orientation) -> [(f64, f64); 2] {
         [
             (camera.roll / ROLL_SIGMA_RAD, ROLL_SIGMA_RAD.recip()),
-            ((camera.focal.ln() - self.log_focal) / LOG_FOCAL_SIGMA, LOG_FOCAL_SIGMA.recip()),
+            ((camera.focal.ln() - self.log_focal) / self.log_focal_sigma, self.log_focal_sigma.recip()),
         ]
     }
 }

@@ -94,7 +94,7 @@ fn non_member_probability(odds: f64) -> f64 {
 /// first. `width` is the width of the image, in pixels.
 pub(super) fn hypotheses(lines: &[Line], width: f64, prior: &CameraPrior) -> Vec<Hypothesis> {
     let lines = &lines[..lines.len().min(MAX_EDGES)];
-    let cameras = candidate_cameras(&vanishing_points(lines), width);
+    let cameras = candidate_cameras(&vanishing_points(lines), focal_range(width, prior));
     let mut found: Vec<Hypothesis> =
         cameras.into_iter().map(|camera| with_directions(lines, camera, prior)).collect();
     found.sort_by(|a, b| b.score.total_cmp(&a.score));
@@ -176,18 +176,27 @@ fn select_greedily(
     chosen
 }
 
-/// Returns the plausible cameras that have one of the vanishing points as the vertical. `width` is the width
-/// of the image, in pixels.
-fn candidate_cameras(points: &[Point], width: f64) -> Vec<Orientation> {
-    let [narrow, wide] = FIELD_OF_VIEW_RANGE_DEG.map(|field| 0.5 * width / (0.5 * field.to_radians()).tan());
-    let step = (wide / narrow).powf(((FOCAL_COUNT - 1) as f64).recip());
-    let mut focals: Vec<f64> = (0..FOCAL_COUNT).map(|i| narrow * step.powi(i as i32)).collect();
+/// Returns the smallest and the largest tested focal length, in pixels: those of a known focal length, otherwise those
+/// of usual fields of view. `width` is the width of the image, in pixels.
+fn focal_range(width: f64, prior: &CameraPrior) -> [f64; 2] {
+    prior.focal_range().unwrap_or_else(|| {
+        let [narrow, wide] =
+            FIELD_OF_VIEW_RANGE_DEG.map(|field| 0.5 * width / (0.5 * field.to_radians()).tan());
+        [wide, narrow]
+    })
+}
+
+/// Returns the plausible cameras that have one of the vanishing points as the vertical, with focal lengths in this
+/// range, in pixels.
+fn candidate_cameras(points: &[Point], [shortest, longest]: [f64; 2]) -> Vec<Orientation> {
+    let step = (shortest / longest).powf(((FOCAL_COUNT - 1) as f64).recip());
+    let mut focals: Vec<f64> = (0..FOCAL_COUNT).map(|i| longest * step.powi(i as i32)).collect();
     for (i, a) in points.iter().enumerate() {
         // The rays to both points are at right angles: `a . b + f^2 aw bw = 0`.
         let squares = points[..i].iter().map(|b| -(a[0] * b[0] + a[1] * b[1]) / (a[2] * b[2]));
         focals.extend(squares.filter(|square| *square > 0.0).map(f64::sqrt));
     }
-    focals.retain(|focal| (wide * 0.99..=narrow * 1.01).contains(focal));
+    focals.retain(|focal| (shortest * 0.99..=longest * 1.01).contains(focal));
     let all = points.iter().flat_map(|&point| focals.iter().map(move |&focal| with_nadir(point, focal)));
     all.filter(is_plausible).collect()
 }

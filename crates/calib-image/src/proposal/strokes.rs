@@ -10,9 +10,7 @@
 //! operator.
 
 use calib_core::{Annotation, Kind, Lens, Pixel, UndistortedPixel};
-use calib_site::{
-    DistortionEntry, LensEntry, Options, PixelAspectEntry, PrincipalPointEntry, Site, SiteCamera, Solution,
-};
+use calib_site::{DistortionEntry, LensEntry, Options, Site, SiteCamera, Solution};
 use nalgebra::DMatrix;
 
 use super::edge_class::EdgeClass;
@@ -148,18 +146,12 @@ pub(super) fn stroke(line: &Line, lens: &Lens) -> Vec<Pixel> {
     line.ends.iter().filter_map(|p| lens.distort(UndistortedPixel { u: p[0] + u, v: p[1] + v })).collect()
 }
 
-/// Creates the camera entry of a site file from an image size, in pixels, a principal point that is not near
-/// the image centre, a lens and annotations.
-pub(super) fn entry(
-    size: [u32; 2],
-    principal_point_px: Option<PrincipalPointEntry>,
-    lens: &Lens,
-    groups: &[Group],
-) -> SiteCamera {
+/// Creates the camera entry of a site file from an image size, in pixels, the known values of the lens, an estimated
+/// lens and annotations.
+pub(super) fn entry(size: [u32; 2], known: &LensEntry, lens: &Lens, groups: &[Group]) -> SiteCamera {
     let distortion = DistortionEntry::from_lens(lens, lens.focal);
     let distortion = distortion.map(|entry| DistortionEntry { focal_px: Some(lens.focal), ..entry });
-    let pixel_aspect = Some(lens.pixel_aspect).filter(|aspect| *aspect != 1.0).map(PixelAspectEntry::Known);
-    let lens = LensEntry { principal_point_px, pixel_aspect, distortion, ..LensEntry::default() };
+    let lens = LensEntry { distortion, ..known.clone() };
     SiteCamera {
         lens: (lens != LensEntry::default()).then_some(lens),
         annotations: groups.iter().map(|group| group.annotation.clone()).collect(),
