@@ -10,7 +10,7 @@ use calib_editor::Pane;
 use calib_site::Site;
 use desk::{Desk, demo};
 use egui::{Event, Key, Role};
-use egui_kittest::kittest::Queryable as _;
+use egui_kittest::kittest::{NodeT as _, Queryable as _};
 
 /// Returns the first camera of the demonstration with only its verticals, so that floor lines would help.
 fn verticals_alone() -> Site {
@@ -174,4 +174,74 @@ fn sigma_and_scene_can_be_set_per_annotation_and_camera() {
     assert_eq!(desk.site().cameras[1].scene, None);
     desk.undo();
     assert_eq!(desk.site().cameras[0].scene, None);
+}
+
+#[test]
+fn known_values_of_the_lens_are_entered_and_removed() {
+    let mut desk = Desk::new(demo());
+    let lens = |desk: &Desk| desk.site().cameras[0].lens.clone().unwrap_or_default();
+    desk.harness.get_by_label("Known values").click_accesskit();
+    desk.harness.run_steps(20);
+    let enter = |desk: &mut Desk, text: &str| {
+        let field = desk.harness.get_by_role_and_label(Role::TextInput, "Data sheet");
+        field.focus();
+        desk.harness.run_steps(3);
+        desk.keys(egui::Modifiers::COMMAND, Key::A);
+        desk.harness.event(Event::Text(text.into()));
+        desk.harness.run_steps(2);
+        desk.key(Key::Enter);
+        desk.harness.run_steps(3);
+    };
+    enter(&mut desk, "2.8 mm");
+    assert!(desk.harness.query_by_label_contains("Add the size of the sensor").is_some());
+    assert_eq!(lens(&desk).focal_mm, None);
+    enter(&mut desk, "2.8 mm 1/2.7");
+    assert!(desk.harness.query_by_label_contains("Add the size of the sensor").is_none());
+    assert_eq!(lens(&desk).data_sheet().to_string(), "2.8 mm 1/2.7");
+    desk.undo();
+    assert_eq!(lens(&desk).focal_mm, None);
+    desk.harness.get_by_role_and_label(Role::ComboBox, "Principal point").click_accesskit();
+    desk.harness.run_steps(3);
+    desk.harness.get_by_label("entered with \u{b1}").click_accesskit();
+    desk.harness.run_steps(3);
+    assert!(lens(&desk).principal_point_px.unwrap().sigma.unwrap() > 1.0);
+    desk.harness.get_by_role_and_label(Role::ComboBox, "Pixel aspect").click_accesskit();
+    desk.harness.run_steps(3);
+    desk.harness.get_by_label("from the lines").click_accesskit();
+    desk.harness.run_steps(3);
+    assert_eq!(lens(&desk).pixel_aspect, Some(calib_site::PixelAspectEntry::Fit));
+}
+
+#[test]
+fn warnings_about_pixels_and_slope_have_answers() {
+    let mut site = demo();
+    site.cameras.truncate(1);
+    (site.links, site.marks, site.distances) = (Vec::new(), Vec::new(), Vec::new());
+    let camera = &mut site.cameras[0];
+    // The same annotations in an image that a recorder has coded with 704 x 576 pixels.
+    let [width, height] = camera.size_px.map(f64::from);
+    let scaled = |pixel: &mut calib_core::Pixel| {
+        (pixel.u, pixel.v) = (pixel.u * 704.0 / width, pixel.v * 576.0 / height);
+    };
+    for annotation in &mut camera.annotations {
+        annotation.segments.iter_mut().flatten().flatten().for_each(scaled);
+        annotation.points.iter_mut().flatten().for_each(scaled);
+        annotation.foot.iter_mut().chain(&mut annotation.head).for_each(scaled);
+    }
+    (camera.size_px, camera.efov_px, camera.image) = ([704, 576], None, None);
+    (camera.control_points, camera.placement, camera.lens) = (Vec::new(), None, None);
+    let mut desk = Desk::new(site);
+    let show_all = |desk: &mut Desk| {
+        let buttons = desk.harness.query_all_by_role(Role::Button);
+        let more =
+            buttons.filter(|node| node.accesskit_node().label().is_some_and(|text| text.ends_with(" more")));
+        more.for_each(|more| more.click_accesskit());
+        desk.harness.run_steps(3);
+    };
+    show_all(&mut desk);
+    desk.harness.get_by_label_contains("Pixel aspect 1.").click_accesskit();
+    desk.harness.run_steps(5);
+    let aspect = desk.site().cameras[0].lens.as_ref().unwrap().pixel_aspect;
+    assert!(matches!(aspect, Some(calib_site::PixelAspectEntry::Known(value)) if value > 1.05));
+    assert!(desk.harness.query_by_label_contains("Pixel aspect 1.").is_none(), "the question is answered");
 }

@@ -8,7 +8,7 @@ use calib_editor::{Action, ReplacedImage};
 use calib_site::{DistortionEntry, PrincipalPointEntry};
 use egui::{ComboBox, DragValue, RichText, TextEdit, Ui};
 
-use crate::annotate::{circle, sigmas};
+use crate::annotate::{circle, known_values, sigmas};
 use crate::state::App;
 use crate::theme;
 use crate::widgets::heading;
@@ -116,6 +116,7 @@ pub fn lens_ui(app: &mut App, ui: &mut Ui) {
         coefficients(app, ui);
     }
     circle::circle_ui(app, ui);
+    known_values::known_values_ui(app, ui);
     sigmas::sigmas_ui(app, ui);
 }
 

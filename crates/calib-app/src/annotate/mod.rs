@@ -8,6 +8,7 @@ pub(crate) mod result;
 pub(crate) mod sigmas;
 pub(crate) mod annotations;
 pub(crate) mod circle;
+pub(crate) mod known_values;
 pub mod lens;
 pub(crate) mod links;
 pub(crate) mod measurements;

@@ -26,6 +26,10 @@ const SCENE_KINDS: [SceneKind; 5] = [
     ),
 ];
 
+/// Answers to the question whether the ground rises, with the kind of scene that each answer chooses.
+pub(crate) const GROUND_ANSWERS: [(&str, Option<SceneEntry>); 3] =
+    [("Level", SCENE_KINDS[1].1), ("Gentle", SCENE_KINDS[2].1), ("Steep", SCENE_KINDS[3].1)];
+
 /// Returns a scene with these slopes of the floor along and across markings, in degrees.
 const fn with_slopes(tilt: f64, crossfall: f64) -> SceneEntry {
     SceneEntry::Sigmas(SceneSigmas {
@@ -44,15 +48,26 @@ pub(crate) fn sigmas_ui(app: &mut App, ui: &mut Ui) {
     let chosen = scene_choice(ui, "Scene of the site", site, SCENE_KINDS[0], errors(None));
     let as_site = ("Same as the site", None, "Uses the scene of the site");
     let own_chosen = scene_choice(ui, "Scene of this camera", own, as_site, errors(site));
-    if chosen == site && own_chosen == own {
-        return;
+    if chosen != site || own_chosen != own {
+        set_scenes(app, chosen, own_chosen);
     }
+}
+
+/// Changes the scene of the site and of the current camera.
+fn set_scenes(app: &mut App, of_site: Option<SceneEntry>, of_camera: Option<SceneEntry>) {
+    let session = app.editor.session();
     let (mut changed, index) = (session.site.clone(), session.camera);
-    changed.scene = chosen;
+    changed.scene = of_site;
     if let Some(entry) = changed.cameras.get_mut(index) {
-        entry.scene = own_chosen;
+        entry.scene = of_camera;
     }
     app.send(Action::Change { site: Box::new(changed), name: "change the accuracy of the scene".into() });
+}
+
+/// Changes the scene of the current camera.
+pub(crate) fn set_scene(app: &mut App, scene: Option<SceneEntry>) {
+    let of_site = app.editor.session().site.scene;
+    set_scenes(app, of_site, scene);
 }
 
 /// Shows a list of scene kinds; returns the chosen scene, `None` for the first entry of the list. `usual` is this

@@ -2,9 +2,10 @@
 
 use calib_core::{Code, Finding, Severity, Subject};
 use calib_editor::{Action, Part, site_subject, valid_since};
-use calib_site::{SiteCamera, Warning};
+use calib_site::{PixelAspectEntry, SceneEntry, SiteCamera, Warning, usual_pixel_aspect};
 use egui::{RichText, Ui};
 
+use crate::annotate::sigmas::{GROUND_ANSWERS, set_scene};
 use crate::command::Command;
 use crate::compare::panel::verdict;
 use crate::icons::{self, Icon};
@@ -150,6 +151,11 @@ fn run_action(app: &mut App, action: WarningAction) {
             app.send(Action::Select(part));
             app.send_command(command);
         }
+        WarningAction::SetPixelAspect(value) => {
+            let aspect = Some(PixelAspectEntry::Known(value));
+            app.change_lens("enter the pixel aspect", |lens| lens.pixel_aspect = aspect);
+        }
+        WarningAction::SetScene(scene) => set_scene(app, scene),
     }
 }
 
@@ -223,6 +229,8 @@ enum WarningAction {
     Show(Location),
     Run(Command),
     OnPart(Command, Part),
+    SetPixelAspect(f64),
+    SetScene(Option<SceneEntry>),
 }
 
 /// Shows the buttons of a warning.
@@ -234,6 +242,11 @@ fn buttons(app: &App, ui: &mut Ui, warning: &Warning, request: &mut Option<Warni
     ui.horizontal_wrapped(|ui| {
         if ui.button("Show").clicked() {
             *request = Some(WarningAction::Show(place));
+        }
+        for (text, answer) in answers(app, warning.code) {
+            if ui.button(text).clicked() {
+                *request = Some(answer);
+            }
         }
         match (warning.code, place) {
             (Code::FocalUnobservable | Code::Weak | Code::Unusable | Code::TwoSolutions, _)
@@ -252,6 +265,21 @@ fn buttons(app: &App, ui: &mut Ui, warning: &Warning, request: &mut Option<Warni
             _ => {}
         }
     });
+}
+
+/// Returns the answers to the question of a warning, with the text of each button.
+fn answers(app: &App, code: Code) -> Vec<(String, WarningAction)> {
+    let size = app.editor.session().entry().map(|entry| entry.size_px);
+    match (code, size.and_then(usual_pixel_aspect)) {
+        (Code::PixelsNotSquare, Some(usual)) => vec![
+            (format!("Pixel aspect {usual:.3}"), WarningAction::SetPixelAspect(usual)),
+            ("Square pixels".into(), WarningAction::SetPixelAspect(1.0)),
+        ],
+        (Code::FloorSlope, _) => {
+            GROUND_ANSWERS.map(|(text, scene)| (text.into(), WarningAction::SetScene(scene))).into()
+        }
+        _ => Vec::new(),
+    }
 }
 
 /// Returns the location that shows the subject of a warning.

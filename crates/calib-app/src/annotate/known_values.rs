@@ -1,0 +1,148 @@
+//! Panel: known values of the lens: data sheet, pixel aspect and principal point.
+
+use calib_core::Pixel;
+use calib_core::single::PrincipalPointPrior;
+use calib_site::{
+    DataSheet, LensEntry, PixelAspectEntry, PrincipalPointEntry, SiteCamera, usual_pixel_aspect,
+};
+use egui::{CollapsingHeader, ComboBox, DragValue, RichText, Ui};
+
+use crate::state::App;
+use crate::theme;
+use crate::widgets::entered_text;
+
+/// Shows the known values of the current camera's lens, if the camera has its own lens.
+pub(crate) fn known_values_ui(app: &mut App, ui: &mut Ui) {
+    let Some(entry) = app.editor.session().entry().cloned() else { return };
+    let lens = entry.lens.clone().unwrap_or_default();
+    // A camera with the lens of another camera uses the values of that camera. A window refers to an image of another
+    // size.
+    if lens.like.is_some() || lens.window_px.is_some() {
+        return;
+    }
+    let is_entered = lens.data_sheet() != DataSheet::default()
+        || lens.pixel_aspect.is_some()
+        || lens.principal_point_px.is_some();
+    let section = CollapsingHeader::new("Known values").id_salt("known values").default_open(is_entered);
+    section.show(ui, |ui| {
+        data_sheet(app, ui, &entry, &lens);
+        pixel_aspect(app, ui, &entry, &lens);
+        principal_point(app, ui, &entry, &lens);
+    });
+}
+
+/// Shows the field for the data sheet, with the message about an entry that is not understood.
+fn data_sheet(app: &mut App, ui: &mut Ui, entry: &SiteCamera, lens: &LensEntry) {
+    let palette = theme::palette(ui.ctx());
+    let salt = ui.scope_id().with(("data sheet", app.editor.session().camera));
+    let mut error = ui.data(|data| data.get_temp::<String>(salt));
+    let mut changed = None;
+    ui.horizontal(|ui| {
+        let label = ui.label(RichText::new("Data sheet").color(palette.text2));
+        let text = lens.data_sheet().to_string();
+        let (response, typed) = entered_text(ui, salt.with("text"), &text, 130.0);
+        response.labelled_by(label.id).on_hover_text(
+            "Focal length and sensor, such as 2.8 mm 1/2.7, or fields of view, such as horizontal 98\u{b0}. \
+             A value without \u{b1} has a tolerance of 3 %.",
+        );
+        if !text.is_empty() && ui.button("Remove").clicked() {
+            (changed, error) = (Some(DataSheet::default()), None);
+        }
+        match typed.map(|typed| DataSheet::parse(&typed, entry.size_px)) {
+            Some(Ok(sheet)) => (changed, error) = (Some(sheet), None),
+            Some(Err(unread)) => error = Some(unread.to_string()),
+            None => {}
+        }
+    });
+    match error {
+        Some(message) => {
+            ui.label(RichText::new(&message).color(palette.bad));
+            ui.data_mut(|data| data.insert_temp(salt, message));
+        }
+        None => ui.data_mut(|data| data.remove::<String>(salt)),
+    }
+    if let Some(sheet) = changed {
+        app.change_lens("change the data sheet", |lens| lens.set_data_sheet(sheet));
+    }
+}
+
+/// Shows the choice of the pixel aspect, and its value if it is entered.
+fn pixel_aspect(app: &mut App, ui: &mut Ui, entry: &SiteCamera, lens: &LensEntry) {
+    let palette = theme::palette(ui.ctx());
+    let own = lens.pixel_aspect;
+    let entered = match own {
+        Some(PixelAspectEntry::Known(value)) => value,
+        _ => usual_pixel_aspect(entry.size_px).unwrap_or(1.0),
+    };
+    let fitted =
+        own.filter(|own| !matches!(own, PixelAspectEntry::Known(_))).unwrap_or(PixelAspectEntry::Fit);
+    let choices = [
+        (None, "square pixels"),
+        (Some(PixelAspectEntry::Known(entered)), "entered"),
+        (Some(fitted), "from the lines"),
+    ];
+    let mut chosen = own;
+    ui.horizontal(|ui| {
+        let says = "Width of a pixel over its height. Some recorders save stretched images.";
+        choose(ui, "Pixel aspect", says, &choices, &mut chosen);
+        if let Some(PixelAspectEntry::Known(value)) = &mut chosen {
+            let field = DragValue::new(value).speed(0.001).range(0.25..=4.0).max_decimals(4);
+            let label = ui.label(RichText::new("height = 1, width =").color(palette.text3));
+            ui.add(field.update_while_editing(false)).labelled_by(label.id);
+        }
+    });
+    if chosen != own {
+        app.change_lens("change the pixel aspect", |lens| lens.pixel_aspect = chosen);
+    }
+}
+
+/// Shows the principal point: near the image centre, or entered with or without a standard deviation.
+fn principal_point(app: &mut App, ui: &mut Ui, entry: &SiteCamera, lens: &LensEntry) {
+    let palette = theme::palette(ui.ctx());
+    let own = lens.principal_point_px;
+    let [w, h] = entry.size();
+    let value = own.map_or(Pixel::new(0.5 * w, 0.5 * h), |own| own.value);
+    let sigma = own.and_then(|own| own.sigma).unwrap_or(PrincipalPointPrior::of_image([w, h]).sigma);
+    let choices = [
+        (None, "near the centre"),
+        (Some(PrincipalPointEntry::known(value)), "entered"),
+        (Some(PrincipalPointEntry { value, sigma: Some(sigma) }), "entered with \u{b1}"),
+    ];
+    let mut chosen = own;
+    ui.horizontal(|ui| {
+        let says = "Image point on the optical axis, from a calibration of the lens. It is estimated near the \
+                    centre if it is not entered.";
+        choose(ui, "Principal point", says, &choices, &mut chosen);
+    });
+    if let Some(PrincipalPointEntry { value: Pixel { u, v }, sigma }) = &mut chosen {
+        ui.horizontal(|ui| {
+            ui.add_space(24.0);
+            let sigma = sigma.as_mut().map(|sigma| ("\u{b1}", sigma, 0.01));
+            for (title, value, low) in [("u", u, -1e6), ("v", v, -1e6)].into_iter().chain(sigma) {
+                let label = ui.label(RichText::new(title).color(palette.text3));
+                let field = DragValue::new(value).speed(0.2).range(low..=1e6).max_decimals(2);
+                ui.add(field.update_while_editing(false)).labelled_by(label.id);
+            }
+            ui.label(RichText::new("px").color(palette.text3));
+        });
+    }
+    if chosen != own {
+        app.change_lens("change the principal point", |lens| lens.principal_point_px = chosen);
+    }
+}
+
+/// Shows a list of choices with a title and a tooltip.
+fn choose<T: Clone + PartialEq>(ui: &mut Ui, title: &str, tip: &str, choices: &[(T, &str)], chosen: &mut T) {
+    let label = ui.label(RichText::new(title).color(theme::palette(ui.ctx()).text2));
+    let text = choices.iter().find(|(choice, _)| choice == chosen).map_or("", |(_, text)| *text);
+    ComboBox::from_id_salt(title)
+        .selected_text(text)
+        .show_ui(ui, |ui| {
+            for (choice, text) in choices {
+                ui.selectable_value(chosen, choice.clone(), *text);
+            }
+        })
+        .response
+        .labelled_by(label.id)
+        .on_hover_text(tip);
+}
