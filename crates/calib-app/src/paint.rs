@@ -175,11 +175,12 @@ pub fn tag(painter: &Painter, at: Pos2, align: Align2, text: &str, colour: Color
     rect
 }
 
-/// Paints the letter of a camera on its colour; returns the rectangle.
-pub fn chip(painter: &Painter, at: Pos2, camera: usize) -> Rect {
+/// Paints the letter of a camera on its colour; returns the rectangle. `slot` is the camera's number, from
+/// `Session::camera_slot`.
+pub fn chip(painter: &Painter, at: Pos2, slot: usize) -> Rect {
     let rect = Rect::from_center_size(at, Vec2::new(16.0, 16.0));
-    painter.rect_filled(rect, CornerRadius::same(3), theme::camera(camera));
-    let letter = theme::camera_letter(camera);
+    painter.rect_filled(rect, CornerRadius::same(3), theme::camera(slot));
+    let letter = theme::camera_letter(slot);
     painter.text(rect.center(), Align2::CENTER_CENTER, letter, theme::medium(11.0), Color32::BLACK);
     rect
 }

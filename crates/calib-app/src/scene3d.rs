@@ -161,7 +161,7 @@ fn paint_camera(
         return;
     };
     let is_own = index == session.camera;
-    let colour = theme::camera(index);
+    let colour = theme::camera(session.camera_slot(index));
     // In the light theme, outlines separate the camera colours from the background.
     let thin = |width: f32| {
         let pen = Pen::new(colour, width);
@@ -194,7 +194,7 @@ fn paint_camera(
     }
     if let Some(at) = orbit.project(rect, pose.position) {
         handle(painter, at, Color32::WHITE);
-        chip(painter, at - Vec2::new(0.0, 16.0), index);
+        chip(painter, at - Vec2::new(0.0, 16.0), session.camera_slot(index));
         if is_own {
             tag(painter, at + Vec2::new(12.0, -16.0), Align2::LEFT_CENTER, &entry.id, on_image::WHITE);
         }

@@ -147,10 +147,10 @@ pub fn kind_icon(kind: Kind, dark: bool) -> Color32 {
     colour(if dark { look.colour } else { look.on_light })
 }
 
-/// Returns the colour of the camera with this index.
+/// Returns the colour of the camera with this number, from `Session::camera_slot`.
 #[must_use]
-pub fn camera(index: usize) -> Color32 {
-    colour(Rgb::camera(index))
+pub fn camera(slot: usize) -> Color32 {
+    colour(Rgb::camera(slot))
 }
 
 /// Returns the letter that accompanies a camera's colour: A to Z, then AA, AB and so on.

@@ -6,7 +6,8 @@
 //!
 //! - `keys`: keyboard shortcuts.
 //! - `images`: images of the cameras, files to open, image files of the site.
-//! - `document_difference`, `period`: differences between two sites, and calibration periods of a camera.
+//! - `document_difference`, `period`, `slots`: differences between two sites, calibration periods of a camera, and
+//!   numbers for the colours of cameras.
 //! - `hit`: parts of an image near the pointer.
 //! - `suggest`, `proposed`: suggested edges, and automatic calibrations of images.
 //! - `history`: undo and redo.
@@ -26,6 +27,7 @@ mod keys;
 pub mod images;
 mod document_difference;
 mod period;
+mod slots;
 pub mod hit;
 pub mod suggest;
 mod proposed;

@@ -20,6 +20,7 @@ use crate::joint::{Joint, has_same_inputs, remove_results};
 use crate::proposed;
 use crate::proposed::PendingCalibration;
 use crate::refine::rounded;
+use crate::slots::CameraSlots;
 use crate::solved::{Solved, keep_polygon};
 
 /// Default of the largest duration of a joint solve that runs after every gesture, in milliseconds.
@@ -128,6 +129,8 @@ pub struct Session {
     /// Number of undo steps right after the last image was added; `None` if no image was added. A different current
     /// number shows that the site was changed since.
     pub(crate) added_at: Option<usize>,
+    /// Numbers that determine the letters and colours of the cameras.
+    slots: CameraSlots,
 }
 
 impl Session {
@@ -186,6 +189,7 @@ impl Session {
             pending: PendingLines { dismissed: Vec::new(), proposed: Arc::default(), picked_line: None },
             revision: Revision { generation: 0, saved: 0 },
             added_at: None,
+            slots: CameraSlots::default(),
             live: LiveSolve {
                 settled: Vec::new(),
                 settled_cameras: Vec::new(),
@@ -200,6 +204,7 @@ impl Session {
         if let Some(report) = joint {
             session.solved.add_joint(Joint::new(&session.site, report));
         }
+        session.slots.update(&session.site.cameras);
         session.solve();
         session.store_reference();
         session
@@ -209,6 +214,13 @@ impl Session {
     #[must_use]
     pub fn entry(&self) -> Option<&SiteCamera> {
         self.site.cameras.get(self.camera)
+    }
+
+    /// Returns the number that determines the letter and the colour of the camera with this index. It stays when
+    /// other cameras are removed.
+    #[must_use]
+    pub fn camera_slot(&self, index: usize) -> usize {
+        self.slots.get(index)
     }
 
     /// Returns the selected camera for editing.
@@ -382,6 +394,7 @@ impl Session {
             self.refine_if_fast();
         }
         self.remove_stale_calibrations();
+        self.slots.update(&self.site.cameras);
         let is_other = !self.history.is_unchanged(&self.site);
         self.history.commit(name, &self.site, &self.pending.proposed);
         if is_other {
@@ -416,6 +429,7 @@ impl Session {
     fn restore(&mut self, site: Site, note: String) {
         self.revision.generation += u64::from(self.site != site);
         self.site = site;
+        self.slots.update(&self.site.cameras);
         self.pending.proposed = Arc::clone(self.history.proposed());
         self.selection.clear();
         self.pending.picked_line = None;

@@ -163,7 +163,7 @@ pub(crate) fn links_ui(app: &mut App, ui: &mut Ui) {
     let mut requests = Vec::new();
     ScrollArea::horizontal().id_salt("links").show(ui, |ui| {
         egui::Grid::new("links").num_columns(cameras.len() + 3).spacing([4.0, 2.0]).show(ui, |ui| {
-            column_titles(ui, &cameras);
+            column_titles(app, ui, &cameras);
             for index in 0..app.editor.session().site.links.len() {
                 link_row(app, ui, index, &cameras, &mut requests);
                 ui.end_row();
@@ -210,12 +210,13 @@ fn linked_cameras(app: &App) -> Vec<usize> {
     (0..site.cameras.len()).filter(is_asked).collect()
 }
 
-fn column_titles(ui: &mut Ui, cameras: &[usize]) {
+fn column_titles(app: &App, ui: &mut Ui, cameras: &[usize]) {
     ui.label("");
     ui.label("");
     for &camera in cameras {
         let (rect, _) = ui.allocate_exact_size(Vec2::new(24.0, 16.0), egui::Sense::hover());
-        crate::paint::chip(ui.painter(), rect.right_center() - Vec2::new(8.0, 0.0), camera);
+        let slot = app.editor.session().camera_slot(camera);
+        crate::paint::chip(ui.painter(), rect.right_center() - Vec2::new(8.0, 0.0), slot);
     }
     ui.end_row();
 }

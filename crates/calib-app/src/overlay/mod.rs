@@ -32,6 +32,24 @@ pub use proposed::ProposedLines;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shown<'a>(pub(crate) &'a Session);
 
+impl Shown<'_> {
+    /// Returns the appearance of items with a meaning. The colour of a camera stays when other cameras are removed.
+    pub(crate) fn look(&self, meaning: Meaning) -> Look {
+        let slot = |camera: usize| self.0.camera_slot(camera);
+        Look::of(match meaning {
+            Meaning::Efov(camera) => Meaning::Efov(slot(camera)),
+            Meaning::OtherEfov(camera) => Meaning::OtherEfov(slot(camera)),
+            Meaning::Prism(camera) => Meaning::Prism(slot(camera)),
+            Meaning::PositionEllipse(camera) => Meaning::PositionEllipse(slot(camera)),
+            Meaning::Camera(camera) => Meaning::Camera(slot(camera)),
+            Meaning::LinkPosition { index, camera } => {
+                Meaning::LinkPosition { index, camera: camera.map(slot) }
+            }
+            other => other,
+        })
+    }
+}
+
 impl Scene for Shown<'_> {
     fn site(&self) -> &Site {
         &self.0.site
@@ -221,7 +239,7 @@ impl Overlay<'_> {
     }
 
     fn pen(&self, meaning: Meaning) -> Pen {
-        let pen = Pen::of(Look::of(meaning));
+        let pen = Pen::of(Shown(self.session).look(meaning));
         match meaning {
             Meaning::Mark(_) if self.is_selected(meaning) => pen.coloured(on_image::ACCENT),
             // The walls of the field of view must not hide annotations.

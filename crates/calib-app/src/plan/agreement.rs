@@ -83,7 +83,7 @@ fn row(app: &App, ui: &mut Ui, found: &Agreement) {
         ));
     }
     let name = ui.painter().with_clip_rect(rect.with_max_x(rect.right() - OVERLAP_FROM_RIGHT - 36.0));
-    chip(&name, rect.left_center() + Vec2::new(8.0, 0.0), found.other);
+    chip(&name, rect.left_center() + Vec2::new(8.0, 0.0), session.camera_slot(found.other));
     let at = rect.left_center() + Vec2::new(22.0, 0.0);
     name.text(at, Align2::LEFT_CENTER, id, theme::regular(12.0), palette.text2);
     for (text, column, colour) in

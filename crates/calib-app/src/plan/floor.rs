@@ -1,7 +1,7 @@
 //! Painting of the floor seen from above: plan, projected images, fields of view, cameras, marks.
 
 use calib_core::{Camera, FloorPoint};
-use calib_draw::{Geometry, Item, Look, Meaning, PlanLayer, PlanView, cone_corners, on_plan};
+use calib_draw::{Geometry, Item, Meaning, PlanLayer, PlanView, cone_corners, on_plan};
 use calib_editor::{Part, PlanHandle, Session, number, plan_handles, plan_scale};
 use egui::{Align2, Color32, Mesh, Painter, Pos2, Rect, Shape, Stroke, Vec2};
 
@@ -105,7 +105,7 @@ impl Floor<'_> {
     }
 
     fn paint_camera(&self, painter: &Painter, item: &Item<FloorPoint>) {
-        let pen = Pen::of(Look::of(item.meaning));
+        let pen = Pen::of(Shown(self.session).look(item.meaning));
         match (&item.geometry, item.meaning) {
             (Geometry::Polygon(corners), meaning) => {
                 let closed: Vec<FloorPoint> = corners.iter().chain(corners.first()).copied().collect();
@@ -136,7 +136,7 @@ impl Floor<'_> {
     fn paint_symbol(&self, painter: &Painter, index: usize, [foot, ahead]: [Pos2; 2], half_angle: f64) {
         /// Length of the cone of a camera symbol, in points.
         const SYMBOL_LENGTH: f64 = 44.0;
-        let pen = Pen::of(Look::of(Meaning::Camera(index)));
+        let pen = Pen::of(Shown(self.session).look(Meaning::Camera(index)));
         let [at, to] = [foot, ahead].map(|at| [f64::from(at.x), f64::from(at.y)]);
         let cone = cone_corners(at, to, half_angle, SYMBOL_LENGTH).into_iter();
         let cone = cone.map(|[x, y]| Pos2::new(x as f32, y as f32)).collect();
@@ -145,7 +145,7 @@ impl Floor<'_> {
         painter.circle(foot, 5.0, Color32::WHITE, Stroke::new(1.5, Color32::BLACK));
         let rect = painter.clip_rect().shrink(18.0);
         if rect.contains(foot) {
-            chip(painter, foot + Vec2::new(-18.0, 0.0), index);
+            chip(painter, foot + Vec2::new(-18.0, 0.0), self.session.camera_slot(index));
         } else if let Some(pose) = self.session.solved.pose(index) {
             self.paint_offscreen_camera(painter, index, pose, rect, foot);
         }
@@ -154,7 +154,7 @@ impl Floor<'_> {
     /// Paints a marker at the border of the canvas for a camera outside it, with letter, id and distance.
     fn paint_offscreen_camera(&self, painter: &Painter, index: usize, pose: &Camera, rect: Rect, foot: Pos2) {
         let at = rect.clamp(foot);
-        chip(painter, at, index);
+        chip(painter, at, self.session.camera_slot(index));
         let middle = self.mapping.document(rect.center());
         let far = (pose.position.x - middle[0]).hypot(pose.position.y - middle[1]);
         let far = self.session.site.units.length(far, 0);
@@ -194,7 +194,7 @@ impl Floor<'_> {
         }
         let over = cursor.map(|at| self.mapping.screen(at));
         for (which, at) in screen {
-            let colour = theme::camera(self.session.camera);
+            let colour = theme::camera(self.session.camera_slot(self.session.camera));
             match which {
                 PlanHandle::Rotate => ring(painter, at, on_image::ACCENT, true),
                 PlanHandle::Scale => {
@@ -306,11 +306,13 @@ impl Floor<'_> {
     }
 
     fn pen(&self, meaning: Meaning) -> Pen {
-        let pen = Pen::of(Look::of(meaning));
+        let pen = Pen::of(Shown(self.session).look(meaning));
         match meaning {
             _ if self.is_selected(meaning) => pen.coloured(on_image::ACCENT),
             // The plan shows the control points of all cameras, so each point has the colour of its camera.
-            Meaning::ControlPoint { camera, .. } => pen.coloured(theme::camera(camera)),
+            Meaning::ControlPoint { camera, .. } => {
+                pen.coloured(theme::camera(self.session.camera_slot(camera)))
+            }
             _ => pen,
         }
     }

@@ -152,7 +152,8 @@ fn row(app: &mut App, ui: &mut Ui, camera: usize, rail: bool) -> bool {
         Rect::from_min_size(rect.min + Vec2::new(10.0, 7.0), Vec2::new(70.0, 40.0))
     };
     thumbnail(app, ui, image.as_deref(), thumb);
-    chip(ui.painter(), thumb.left_top() + Vec2::new(9.0, 9.0), camera);
+    let slot = app.editor.session().camera_slot(camera);
+    chip(ui.painter(), thumb.left_top() + Vec2::new(9.0, 9.0), slot);
     if rail {
         let at = thumb.center_bottom() + Vec2::new(0.0, 3.0);
         let clip = ui.painter().with_clip_rect(rect.shrink(2.0));

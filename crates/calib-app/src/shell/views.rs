@@ -146,7 +146,7 @@ fn camera_header(
     let shown = &switches[..switches.len().min(room)];
     header(app, ui, rect, "", shown);
     let clip = ui.painter().with_clip_rect(rect.with_max_x(rect.right() - 66.0 * shown.len() as f32));
-    chip(&clip, rect.left_center() + Vec2::new(18.0, 0.0), camera);
+    chip(&clip, rect.left_center() + Vec2::new(18.0, 0.0), app.editor.session().camera_slot(camera));
     let at = rect.left_center() + Vec2::new(34.0, 0.0);
     let name = clip.text(at, Align2::LEFT_CENTER, title, theme::medium(12.0), palette.text);
     if !switches.is_empty() {
