@@ -3,6 +3,7 @@
 use egui::{Context, InputOptions, InputState, Ui};
 
 use crate::command;
+use crate::focus;
 use crate::keys;
 use crate::platform::{Here, Platform as _};
 use crate::shell;
@@ -18,6 +19,10 @@ impl App {
         self.view.panes.begin_frame();
         shell::window_ui(self, ui);
         self.hover.was_typing = ui.ctx().text_edit_focused();
+        if ui.memory(|memory| memory.focused()) != self.hover.focus.focused {
+            // The next frame scrolls to the focused widget.
+            ui.ctx().request_repaint();
+        }
         self.apply_requests(&ui.ctx().clone());
         self.remember();
     }
@@ -25,6 +30,7 @@ impl App {
     /// Handles finished work, dropped files and keys, before anything is painted.
     pub fn logic(&mut self, ctx: &Context) {
         set_click_duration(ctx);
+        focus::scroll_to_focused(ctx, &mut self.hover.focus);
         self.pictures.begin_frame(ctx);
         self.edges.begin_frame();
         // Dropped and chosen files wait until the current gesture ends.
@@ -48,6 +54,9 @@ impl App {
         self.watch_outside();
         for (command, modifiers) in keys::pressed(ctx, self.hover.was_typing, self.jobs.video.is_some()) {
             command::run(self, ctx, command, modifiers);
+        }
+        if let Some(field) = self.view.asked_field.take() {
+            focus::ask(ctx, field);
         }
     }
 

@@ -4,6 +4,7 @@ use calib_editor::{Key, Modifiers, Shortcut};
 use egui::{Context, KeyboardShortcut};
 
 use crate::command::{self, Command};
+use crate::focus;
 use crate::platform::{Here, Platform as _};
 
 /// Converts modifier keys from egui to `calib_editor`.
@@ -29,13 +30,14 @@ pub fn shortcut(command: Command, keys: Shortcut) -> KeyboardShortcut {
     KeyboardShortcut::new(modifiers, key(keys.key))
 }
 
-/// Returns the commands whose keys were pressed, except while a text field has the focus. While a sheet needs the other
-/// keys (`has_sheet`), only Escape has a command.
+/// Returns the commands whose keys were pressed, except while a text field has the focus. An empty length field takes
+/// only the keys of a length. While a sheet needs the other keys (`has_sheet`), only Escape has a command.
 ///
 /// `was_typing` is true if a text field had the focus in the last frame. The Escape key that left the field
 /// then belongs to the field. An Escape key that closes a menu belongs to the menu.
 pub fn pressed(ctx: &Context, was_typing: bool, has_sheet: bool) -> Vec<(Command, egui::Modifiers)> {
-    if ctx.text_edit_focused() {
+    let blank = focus::blank_field(ctx);
+    if ctx.text_edit_focused() && blank.is_none() {
         return Vec::new();
     }
     let is_others = was_typing || egui::Popup::is_any_open(ctx);
@@ -47,6 +49,9 @@ pub fn pressed(ctx: &Context, was_typing: bool, has_sheet: bool) -> Vec<(Command
                 row.keys.is_some_and(|keys| is_pressed(shortcut(row.command, keys), *key, *modifiers))
                     || row.command == Command::Redo && is_pressed(OTHER_REDO, *key, *modifiers)
             };
+            if blank.is_some() && focus::is_for_field(*key, *modifiers) {
+                return true;
+            }
             let Some(row) = command::all().find(matches) else { return true };
             if has_sheet && row.command != Command::Cancel {
                 return true;
@@ -58,6 +63,11 @@ pub fn pressed(ctx: &Context, was_typing: bool, has_sheet: bool) -> Vec<(Command
             matches!(row.command, Command::Accept | Command::Cancel)
         });
     });
+    if let Some(field) = blank.filter(|_| !found.is_empty()) {
+        // The letter of a shortcut does not belong to the field.
+        ctx.input_mut(|input| input.events.retain(|event| !matches!(event, egui::Event::Text(_))));
+        ctx.memory_mut(|memory| memory.surrender_focus(field));
+    }
     found
 }
 

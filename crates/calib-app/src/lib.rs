@@ -17,6 +17,7 @@ pub mod platform;
 pub mod theme;
 pub mod icons;
 pub mod paint;
+mod focus;
 pub mod canvas;
 pub mod picture;
 mod edges;

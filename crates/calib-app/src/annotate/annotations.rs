@@ -8,6 +8,7 @@ use egui::{Align2, Rect, RichText, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::annotate::result::empty_field;
 use crate::annotate::sigmas::{self, Usual};
+use crate::focus::AskedField;
 use crate::icons::{self, Icon};
 use crate::state::App;
 use crate::theme;
@@ -151,21 +152,14 @@ fn group(
             if annotation.like.is_some() {
                 return;
             }
-            if row.has_length && annotation.off {
-                let estimate = annotation.polylines().next().and_then(|line| guess(&line));
-                let label = ui.label(RichText::new("measured").color(palette.text2));
-                let entered = empty_field(ui, ("length", index), label.id, units, estimate);
-                requests.extend(entered.map(|metres| RowRequest::Length(index, metres)));
-            } else if row.has_length {
+            if row.has_length && !annotation.off {
                 let mut value = annotation.length_m.unwrap_or(1.0);
                 if length(ui, units, &mut value, "Known length") {
                     requests.push(RowRequest::Length(index, value));
                 }
-            } else if waits_for_height(annotation) {
-                let label = ui.label(RichText::new("height").color(palette.text2));
-                let entered = empty_field(ui, ("height", index), label.id, units, None);
-                requests.extend(entered.map(|metres| RowRequest::Height(index, metres)));
-            } else if let Some(height) = annotation.height_m {
+            } else if let Some(height) =
+                annotation.height_m.filter(|_| !row.has_length && !waits_for_height(annotation))
+            {
                 let mut value = height.value;
                 if length(ui, units, &mut value, "Height of the upright") {
                     requests.push(RowRequest::Height(index, value));
@@ -173,6 +167,37 @@ fn group(
             }
         });
     });
+    requests.extend(asked_size(ui, units, annotation, index, guess));
+}
+
+/// Shows a field for the size of an annotation that waits for it; returns the request with the entered size.
+fn asked_size(
+    ui: &mut Ui,
+    units: Units,
+    annotation: &Annotation,
+    index: usize,
+    guess: impl Fn(&[Pixel]) -> Option<f64>,
+) -> Option<RowRequest> {
+    let row = annotation.kind.row();
+    let waits_for_length = row.has_length && annotation.off;
+    if annotation.like.is_some() || !waits_for_length && !waits_for_height(annotation) {
+        return None;
+    }
+    let (palette, asked) = (theme::palette(ui.ctx()), Some(AskedField::Size(index)));
+    ui.horizontal(|ui| {
+        ui.add_space(24.0);
+        if waits_for_length {
+            let estimate = annotation.polylines().next().and_then(|line| guess(&line));
+            let label = ui.label(RichText::new("measured").color(palette.text2));
+            let entered = empty_field(ui, ("length", index), label.id, units, estimate, asked);
+            entered.map(|metres| RowRequest::Length(index, metres))
+        } else {
+            let label = ui.label(RichText::new("height").color(palette.text2));
+            let entered = empty_field(ui, ("height", index), label.id, units, None, asked);
+            entered.map(|metres| RowRequest::Height(index, metres))
+        }
+    })
+    .inner
 }
 
 fn length(ui: &mut Ui, units: Units, value: &mut f64, tip: &str) -> bool {

@@ -348,7 +348,7 @@ fn post_fields(app: &App, ui: &mut Ui, link: &Link, new: &mut Link) {
     let label = ui.label("length");
     let Some(known) = &mut new.length_m else {
         let estimate = planes::estimated_post_height(session, link);
-        let metres = empty_field(ui, ("post", &link.id), label.id, session.site.units, estimate);
+        let metres = empty_field(ui, ("post", &link.id), label.id, session.site.units, estimate, None);
         new.length_m = metres.map(|metres| Known::prior(metres, TAPE));
         return;
     };

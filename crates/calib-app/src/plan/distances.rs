@@ -222,7 +222,7 @@ fn new_distance(app: &mut App, ui: &mut Ui, ids: &[String]) -> Option<Distance> 
     let session = app.editor.session();
     let estimate = planes::estimated_distance(session, &app.pair);
     let label = ui.label(RichText::new("measured").color(theme::palette(ui.ctx()).text2));
-    let metres = empty_field(ui, ("distance", &app.pair), label.id, session.site.units, estimate)?;
+    let metres = empty_field(ui, ("distance", &app.pair), label.id, session.site.units, estimate, None)?;
     let between = app.pair.clone();
     let length_m = Known::prior(metres, TAPE);
     Some(Distance { id: None, name: None, off: false, keep: false, between, length_m })

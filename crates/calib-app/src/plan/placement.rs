@@ -12,6 +12,7 @@ use egui::{Align, DragValue, Layout, RichText, Ui};
 
 use crate::annotate::result::{Number, TOP, held_at, lock, orientation_row};
 use crate::command::Command;
+use crate::focus::{self, AskedField};
 use crate::plan::drawing_fields;
 use crate::state::App;
 use crate::theme;
@@ -283,7 +284,9 @@ fn scale_fields(app: &mut App, ui: &mut Ui) {
         ui.horizontal(|ui| {
             let label = ui.label(format!("{px:.0} px are"));
             let field = length_field(app.editor.session().site.units, &mut metres, 1e-3);
-            if ui.add(field).labelled_by(label.id).changed() && px > 0.0 {
+            let response = ui.add(field).labelled_by(label.id);
+            focus::focus_if_asked(&response, AskedField::PlanLength);
+            if response.changed() && px > 0.0 {
                 plan.metres_per_px = metres / px;
                 changed = Some("set the scale of the plan");
             }

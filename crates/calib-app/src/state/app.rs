@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use calib_core::floor::{Mount, lens_reach};
 use calib_core::outcome::SuggestedAnnotation;
-use calib_core::{Lens, Pixel};
+use calib_core::{Annotation, Lens, Pixel};
 use calib_editor::{
     Action, Command, Edge, Editor, Pane, Part, PendingCalibration, Period, TOOLS, ToolRow, edges, edit, hit,
     suggest,
@@ -19,6 +19,7 @@ use crate::choice::{Chosen, Purpose};
 use crate::edges::Edges;
 use crate::edges::Proposing;
 use crate::edges::Refining;
+use crate::focus::{AskedField, FocusWatch};
 use crate::picture::Pictures;
 use crate::platform::{Here, Platform, Task};
 use crate::state::{
@@ -67,6 +68,10 @@ pub struct ViewState {
     pub list: List,
     /// Display of a newer image over the calibrated image.
     pub glance: Glance,
+    /// Field that gets the focus when a panel shows it next, because the program asks for its value.
+    pub(crate) asked_field: Option<AskedField>,
+    /// Fields that waited for a value before the current gesture.
+    pub(crate) open_fields: OpenFields,
 }
 
 /// Highlights that follow the pointer and the selection.
@@ -83,7 +88,12 @@ pub struct Hover {
     pub(crate) suspect: Option<(usize, usize, usize)>,
     /// Whether a text field had the focus at the end of the last frame.
     pub(crate) was_typing: bool,
+    /// Keyboard focus at the start of the last frame.
+    pub(crate) focus: FocusWatch,
 }
+
+/// Last field that waits for a value on the current image and on the plan, each with the number of such fields.
+type OpenFields = [Option<(AskedField, usize)>; 2];
 
 /// Sheets and dialogs above the window.
 #[derive(Debug)]
@@ -226,6 +236,8 @@ impl Default for ViewState {
             compares_views: false,
             list: List::default(),
             glance: Glance::default(),
+            asked_field: None,
+            open_fields: OpenFields::default(),
         }
     }
 }
@@ -282,7 +294,32 @@ impl App {
         // Walls and areas of interest are shown with the coverage.
         let draws_survey = |index: &usize| TOOLS.get(*index).is_some_and(ToolRow::draws_survey);
         self.view.coverage |= matches!(&action, Action::SelectTool(index) if draws_survey(index));
+        let draws = matches!(action, Action::Pointer(_) | Action::Gesture(_));
+        if draws && self.editor.tool().is_idle() {
+            self.view.open_fields = self.open_fields();
+        }
         self.editor.apply(action);
+        if draws && self.editor.tool().is_idle() {
+            let (before, now) = (self.view.open_fields, self.open_fields());
+            let count = |fields: OpenFields, index: usize| fields[index].map(|(_, count)| count);
+            let is_new = |index: &usize| count(now, *index) > count(before, *index);
+            let asked = [0, 1].into_iter().filter(is_new).find_map(|index| now[index]);
+            self.view.asked_field = asked.map(|(field, _)| field).or(self.view.asked_field);
+        }
+    }
+
+    /// Returns the last field that waits for a value on the current image and on the plan, each with the number of
+    /// such fields.
+    fn open_fields(&self) -> OpenFields {
+        let session = self.editor.session();
+        let waits = |annotation: &Annotation| {
+            annotation.off && annotation.kind.row().has_length && annotation.like.is_none()
+                || edit::waits_for_height(annotation)
+        };
+        let annotations = session.entry().map_or(&[][..], |entry| &entry.annotations);
+        let count = annotations.iter().filter(|annotation| waits(annotation)).count();
+        let last = annotations.iter().rposition(waits).map(|index| (AskedField::Size(index), count));
+        [last, session.tool.measured.map(|_| (AskedField::PlanLength, 1))]
     }
 
     /// Queues an action for the end of the frame. Panels use it, because all panels of a frame show the same
