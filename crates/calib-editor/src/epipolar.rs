@@ -5,6 +5,8 @@ use calib_core::{Camera, Pixel, Plane, Ray, WorldPoint};
 
 use calib_site::{Link, LinkKind, LinkObservation};
 
+use crate::session::Session;
+
 /// Search line of a link for another view.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SearchLine {
@@ -62,6 +64,39 @@ impl SearchLine {
             }
         }
     }
+}
+
+/// Returns the search line of a link for other views, from its observation in one camera. `None` if this camera is
+/// not placed on the floor, or if the observed pixels are above the horizon.
+#[must_use]
+pub fn search_line(session: &Session, link: &Link, seen: &LinkObservation) -> Option<SearchLine> {
+    let index = session.site.cameras.iter().position(|entry| entry.id == seen.camera)?;
+    let plane = session.solved.plane(&session.site, link.plane.as_deref());
+    SearchLine::from_link(session.solved.placed_pose(index)?, link, &plane, seen)
+}
+
+/// Returns the reason why the view of a camera shows no search line of a link, as a sentence. `None` if it can show
+/// one, or if the camera has observed the link.
+#[must_use]
+pub fn missing_search_line(session: &Session, link: &Link, camera: usize) -> Option<String> {
+    let entry = session.site.cameras.get(camera)?;
+    let first = link.seen.first()?;
+    if !session.site.owns_links(camera) || link.seen.iter().any(|seen| seen.camera == entry.id) {
+        return None;
+    }
+    let index_of = |id: &str| session.site.cameras.iter().position(|entry| entry.id == id);
+    let reason = [Some(camera), index_of(&first.camera)].into_iter().flatten().find_map(|index| {
+        let id = &session.site.cameras.get(index)?.id;
+        match (session.solved.pose(index), session.solved.placed_pose(index)) {
+            (_, Some(_)) => None,
+            (Some(_), None) => Some(format!("{id} is not placed")),
+            (None, None) => Some(format!("{id} is not calibrated")),
+        }
+    });
+    let is_traced = link.seen.iter().any(|seen| search_line(session, link, seen).is_some());
+    let above = || (!is_traced).then(|| format!("it is above the horizon of {}", first.camera));
+    let reason = reason.or_else(above)?;
+    Some(format!("No yellow line for {}: {reason}.", link.id.as_deref().unwrap_or("the link")))
 }
 
 /// Assumed height of a post whose height is unknown, in metres.

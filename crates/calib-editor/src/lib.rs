@@ -65,7 +65,7 @@ pub use calib_site::{Units, number};
 pub use command::Command;
 pub use document_difference::differences;
 pub use editor::{Editor, ReplacedImage};
-pub use epipolar::{SearchLine, post_length};
+pub use epipolar::{SearchLine, missing_search_line, post_length, search_line};
 pub use family::{Family, Fit, hfov_deg};
 pub use history::History;
 pub use hit::{Hit, Part};

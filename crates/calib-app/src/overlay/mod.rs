@@ -15,7 +15,7 @@ use calib_draw::{
     Geometry, ImageLayer, ImageView, Item, Look, Meaning, Scene, Signs, guide, on_image as items_on_image,
     project,
 };
-use calib_editor::{Edge, Family, Part, SearchLine, Session, Units, hit};
+use calib_editor::{Edge, Family, Part, Session, Units, hit, missing_search_line, search_line};
 use calib_site::{Site, SiteCamera, Solution, SuggestionEntry};
 use egui::{Align2, Color32, Painter, Pos2, Rect, Shape, Stroke, Vec2};
 
@@ -171,6 +171,7 @@ impl Overlay<'_> {
         if let Some(camera) = pose {
             self.paint_traces(painter, camera, entry);
         }
+        self.paint_missing_trace(painter);
         if let Some(changed) = &self.changed {
             self.paint_changed(painter, changed);
         }
@@ -341,19 +342,34 @@ impl Overlay<'_> {
         if !may_show || self.session.solved.placed_pose(self.camera).is_none() {
             return;
         }
-        let trace = link.seen.iter().find_map(|seen| {
-            let other = self.session.site.cameras.iter().position(|entry| entry.id == seen.camera)?;
-            let plane = self.session.solved.plane(&self.session.site, link.plane.as_deref());
-            SearchLine::from_link(self.session.solved.placed_pose(other)?, link, &plane, seen)
-        });
+        let trace = link.seen.iter().find_map(|seen| search_line(self.session, link, seen));
         let Some(trace) = trace else { return };
         self.paint_items(painter, &project(camera, Meaning::Epipolar, &trace.path));
         if let Some(at) = trace.at.and_then(|point| camera.world_to_pixel(point)) {
             let at = self.at(at);
             painter.circle_stroke(at, 8.0, Stroke::new(1.5, on_image::WAITING));
             let text = format!("{} {}", link.id.as_deref().unwrap_or("the link"), trace.instruction);
-            tag(painter, at + Vec2::new(12.0, 0.0), Align2::LEFT_CENTER, &text, on_image::WAITING);
+            let rect = self.mapping.rect;
+            // The label is on the side with more room; a point outside the view has none.
+            let (side, align) = if at.x < rect.center().x {
+                (12.0, Align2::LEFT_CENTER)
+            } else {
+                (-12.0, Align2::RIGHT_CENTER)
+            };
+            if rect.contains(at) {
+                tag(painter, at + Vec2::new(side, 0.0), align, &text, on_image::WAITING);
+            }
         }
+    }
+
+    /// Paints the reason why this view shows no epipolar line of the link that needs a click.
+    fn paint_missing_trace(&self, painter: &Painter) {
+        let link = self.begun.and_then(|index| self.session.site.links.get(index));
+        let Some(text) = link.and_then(|link| missing_search_line(self.session, link, self.camera)) else {
+            return;
+        };
+        let at = self.mapping.rect.center_top() + Vec2::new(0.0, 12.0);
+        tag(painter, at, Align2::CENTER_TOP, &text, on_image::WAITING);
     }
 
     /// Paints the suggested lines on detected edges, numbered if there are several.

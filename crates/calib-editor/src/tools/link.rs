@@ -5,9 +5,13 @@ use calib_core::Pixel;
 use calib_site::{Link, LinkKind, LinkObservation};
 
 use crate::edit;
+use crate::epipolar::search_line;
 use crate::hit::Part;
 use crate::session::Session;
 use crate::tools::{MAX_CLICK_SIGMA_PX, Pane, Phase, Pointer, Tool, imprecise_note};
+
+/// Instruction after the first click of a link.
+const NEXT_CLICK: &str = "Now click the same point in another camera";
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 enum Gesture {
@@ -116,7 +120,9 @@ impl Linking {
         session.selection.retain(|part| !matches!(part, Part::Link { .. }));
         session.commit(format!("link {name} in {id}"));
         if let (Some(sigma), None) = (sigma.filter(|sigma| *sigma > MAX_CLICK_SIGMA_PX), &session.note) {
-            session.note = Some(imprecise_note(&name, sigma));
+            let note = imprecise_note(&name, sigma);
+            let is_first = session.site.links.last().is_some_and(|link| link.seen.len() == 1);
+            session.note = Some(if is_first { format!("{NEXT_CLICK}. {note}") } else { note });
         }
         self.open_id = Some(name);
     }
@@ -177,12 +183,16 @@ impl Tool for Linking {
             return "Click a point that another camera also shows, or drag along a floor line.".into();
         };
         let id = link.id.as_deref().unwrap_or("the link");
+        let is_traced = link.seen.iter().any(|seen| search_line(session, link, seen).is_some());
+        let at = |place: &'static str| if is_traced { place } else { "" };
         let text = match link.kind {
-            LinkKind::Point => format!("Click {id} in another camera, on the yellow line."),
+            LinkKind::Point => format!("{NEXT_CLICK}{}: {id}.", at(", on the yellow line")),
             LinkKind::Post => {
-                format!("Drag {id} from foot to head in another camera, at the yellow line.")
+                format!("Now drag {id} from foot to head in another camera{}.", at(", at the yellow line"))
             }
-            LinkKind::Line => format!("Drag along {id} in another camera, following the yellow line."),
+            LinkKind::Line => {
+                format!("Now drag along {id} in another camera{}.", at(", following the yellow line"))
+            }
         };
         format!("{text}  Enter: next link")
     }
