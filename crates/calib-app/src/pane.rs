@@ -14,6 +14,7 @@ use crate::annotate::loupe;
 use crate::annotate::measurements::{paint_on_image, update_measurements};
 use crate::annotate::minimap;
 use crate::canvas::{Bend, Mapping, View};
+use crate::choice::Purpose;
 use crate::compare::panel;
 use crate::handles;
 use crate::keys;
@@ -446,4 +447,32 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
         app.view.panes.legend = legend.map(|rect| (key, rect));
     }
     self::cursor(app, ui, Pane::Plan, &mapping);
+}
+    app.view.panes.plan_button = None;
+        open_plan_ui(app, ui, key, rect);
+
+/// Shows a button that opens a floor plan, if the site has none. It is in the middle of an empty floor, otherwise at the
+/// top.
+fn open_plan_ui(app: &mut App, ui: &mut Ui, key: (Place, Pane), rect: Rect) {
+    /// Size of the panel with the button, in points.
+    const SIZE: Vec2 = Vec2::new(236.0, 64.0);
+    if app.editor.site().plan.is_some() || app.jobs.planning.is_some() {
+        return;
+    }
+    let session = app.editor.session();
+    let is_empty = (0..session.site.cameras.len()).all(|camera| session.solved.pose(camera).is_none());
+    let at = if is_empty { rect.center() } else { rect.center_top() + Vec2::new(0.0, 0.5 * SIZE.y + 10.0) };
+    let panel = Rect::from_center_size(at, SIZE);
+    let palette = theme::palette(ui.ctx());
+    ui.painter().rect_filled(panel, 6.0, palette.panel);
+    ui.scope_builder(egui::UiBuilder::new().max_rect(panel.shrink(8.0)), |ui| {
+        ui.vertical_centered(|ui| {
+            ui.label(egui::RichText::new("No floor plan is loaded.").color(palette.text2));
+            let button = ui.button("Open a floor plan\u{2026}");
+            if button.on_hover_text("Open an image, a PDF, an SVG or a DXF file").clicked() {
+                app.open_dialog(Purpose::LoadPlan);
+            }
+        });
+    });
+    app.view.panes.plan_button = Some((key, panel));
 }

@@ -70,6 +70,8 @@ pub struct Panes {
     pub(crate) legend: Option<((Place, Pane), Rect)>,
     /// Canvas that wipes between two images, and the rectangle of its wipe handle.
     pub(crate) wipe: Option<((Place, Pane), Rect)>,
+    /// Canvas with the button that opens a floor plan, and the rectangle around the button.
+    pub(crate) plan_button: Option<((Place, Pane), Rect)>,
     /// Camera whose newer image the main canvas shows, and the screen x from which it is visible.
     pub(crate) newer_from: Option<(usize, f32)>,
     /// Canvas that was used last; zoom keys apply to it.
@@ -113,9 +115,9 @@ impl Panes {
         chosen.filter(|_| !was_fitted).unwrap_or(whole)
     }
 
-    /// Whether a minimap, a legend or a wipe handle covers a position on a canvas.
+    /// Whether a minimap, a legend, a button or a wipe handle covers a position on a canvas.
     pub(crate) fn is_covered(&self, key: (Place, Pane), at: Pos2) -> bool {
-        let over = [self.minimap, self.legend, self.wipe];
+        let over = [self.minimap, self.legend, self.plan_button, self.wipe];
         over.into_iter().flatten().any(|(own, rect)| own == key && rect.contains(at))
     }
 
