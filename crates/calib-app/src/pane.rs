@@ -422,11 +422,19 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
         opacity: app.opacity(ui.ctx()),
         blend: app.view.blend,
         fills_fields: !app.view.coverage,
+        (None, _, Pane::Image(camera)) if moves_point(app, camera, mapping, at) => CursorIcon::Move,
         ellipses: app.ellipse_size(),
         before: &before,
     };
     floor.paint_plan(&painter, &pieces);
     floor.paint_grid(&painter, palette.text3.gamma_multiply(0.18));
+/// Whether a drag at a screen point moves a point of a line, although a drawing tool is active.
+fn moves_point(app: &App, camera: usize, mapping: &Mapping, at: Pos2) -> bool {
+    let at = mapping.document(at).into();
+    app.editor.tool_kind().is_some()
+        && hit::line_point(app.editor.site(), camera, at, mapping.units(theme::HIT)).is_some()
+}
+
     floor.paint_images(&painter, &app.pictures);
     if app.view.coverage {
         paint_coverage(app.coverage.as_ref(), app.editor.site(), &painter, &mapping);

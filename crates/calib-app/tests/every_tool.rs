@@ -143,7 +143,7 @@ fn a_drawn_pixel_is_the_pixel_under_the_cursor() {
             desk.key(Key::Plus);
         }
         desk.take("Vertical");
-        let (a, b) = (Pixel::new(940.3, 470.2), Pixel::new(975.9, 600.7));
+        let (a, b) = (Pixel::new(940.3, 560.2), Pixel::new(975.9, 690.7));
         desk.line(0, a, b);
         let drawn = desk.site().cameras[0].annotations.iter().find(|a| a.kind == Kind::Vertical).unwrap();
         let line = drawn.segments.as_ref().unwrap().last().unwrap();

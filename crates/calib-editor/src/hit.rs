@@ -97,6 +97,18 @@ pub fn handles(site: &Site, index: usize) -> Vec<(Part, Pixel)> {
     list
 }
 
+/// Returns the point of an annotated line that a drawing tool moves by a drag from a raw pixel. `radius` is the search
+/// radius of the selection tool, in pixels. A drawing tool uses a part of it, so that lines can begin near others.
+#[must_use]
+pub fn line_point(site: &Site, index: usize, at: Pixel, radius: f64) -> Option<Part> {
+    /// Search radius of drawing tools, as a fraction of the radius of the selection tool.
+    const DRAWING_FRACTION: f64 = 0.6;
+    let radius = DRAWING_FRACTION * radius;
+    let points = handles(site, index).into_iter().filter(|(part, _)| matches!(part, Part::Vertex { .. }));
+    let near = points.map(|(part, pixel)| (part, pixel.distance(at))).filter(|(_, off)| *off <= radius);
+    near.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(part, _)| part)
+}
+
 /// Returns the part at a raw pixel. Selected points have priority, then points, then marks, then lines.
 /// `radius` is in raw pixels.
 #[must_use]

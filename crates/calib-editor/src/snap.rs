@@ -28,6 +28,32 @@ pub(crate) fn pull_parts(
     pull_points(site, camera, &points, lens, image)
 }
 
+/// Length of the part of a line whose edge determines the position of one end, in raw pixels.
+const END_LENGTH_PX: f64 = 60.0;
+
+/// Returns the end `at` of a line from `other`, moved onto the image edge under it that runs along the line. Only the
+/// part of the line next to `at` is compared with the image. `None` if no edge is found.
+#[must_use]
+pub(crate) fn snap_end(image: &RgbImage, lens: &Lens, other: Pixel, at: Pixel) -> Option<Pixel> {
+    let length = other.distance(at);
+    let share = (END_LENGTH_PX / length).min(1.0);
+    let inner = Pixel::new(at.u + share * (other.u - at.u), at.v + share * (other.v - at.v));
+    snap_image_curve(image, lens, [inner, at]).map(|[_, end]| end)
+}
+
+/// Moves one point of a line onto the image edge under it. Other points of the line stay.
+pub(crate) fn pull_point(site: &mut Site, camera: usize, part: Part, lens: &Lens, image: &RgbImage) {
+    let Part::Vertex { annotation, segment, vertex } = part else { return };
+    let neighbour = vertex.checked_sub(1).unwrap_or(1);
+    let [other, at] = [neighbour, vertex].map(|vertex| {
+        edit::pixel_mut(site, camera, Part::Vertex { annotation, segment, vertex }).map(|pixel| *pixel)
+    });
+    let moved = other.zip(at).and_then(|(other, at)| snap_end(image, lens, other, at));
+    if let (Some(to), Some(pixel)) = (moved, edit::pixel_mut(site, camera, part)) {
+        *pixel = to;
+    }
+}
+
 /// Moves only these points onto the image edges along their lines. Returns the number of lines that were
 /// moved.
 pub(crate) fn pull_points(

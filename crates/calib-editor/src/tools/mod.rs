@@ -1,11 +1,12 @@
 //! Pointer tools of the canvases. Each tool is a small state machine, registered in [`TOOLS`].
 //!
-//! - `segment`, `polyline`: lines, straight edges and the field of view.
+//! - `segment`, `polyline`: lines, straight edges and the field of view. `grab`: drags of their existing points.
 //! - `place`, `mark`: drags of cameras and marks. `select`: selection and drags of parts.
 //! - `link`, `control`: links between views, and control points.
 //! - `corners`: corners of a shape on the plan, shared by the next two.
 //! - `measure`: measurements, scale of the plan, and regions of planes. `survey`: walls and areas of interest.
 
+mod grab;
 mod segment;
 mod polyline;
 mod place;

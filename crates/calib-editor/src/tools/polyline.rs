@@ -5,6 +5,7 @@ use calib_core::{Kind, Pixel};
 use crate::edit;
 use crate::hit::Part;
 use crate::session::Session;
+use crate::tools::grab::Grab;
 use crate::tools::{Pane, Phase, Pointer, Tool};
 
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -13,6 +14,8 @@ enum Gesture {
     Idle,
     /// The polyline is being drawn. The last of its points follows the pointer.
     Drawing { camera: usize, points: Vec<Pixel> },
+    /// The button is down on an existing point.
+    Grabbed(Grab),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,8 +89,16 @@ impl Tool for Polyline {
         self.gesture = match std::mem::take(&mut self.gesture) {
             Gesture::Idle if pointer.phase == Phase::Press => {
                 session.select_camera(camera);
-                Gesture::Drawing { camera, points: vec![at, at] }
+                let grab = Grab::start(session, pointer).filter(|_| self.kind == PolylineKind::StraightEdge);
+                grab.map_or_else(|| Gesture::Drawing { camera, points: vec![at, at] }, Gesture::Grabbed)
             }
+            Gesture::Grabbed(grab) if grab.camera != camera => Gesture::Grabbed(grab),
+            Gesture::Grabbed(grab)
+                if pointer.phase == Phase::Release && !pointer.moved && !grab.has_moved =>
+            {
+                Gesture::Drawing { camera, points: vec![grab.from, at] }
+            }
+            Gesture::Grabbed(grab) => grab.follow(session, pointer).map_or(Gesture::Idle, Gesture::Grabbed),
             Gesture::Drawing { camera: own, mut points } if own == camera => {
                 if let Some(last) = points.last_mut() {
                     *last = at;
@@ -120,10 +131,10 @@ impl Tool for Polyline {
     }
 
     fn accept(&mut self, session: &mut Session) {
-        if let Gesture::Drawing { camera, points } = std::mem::take(&mut self.gesture) {
-            let set = points.len() - 1;
-            self.finish(session, camera, &points[..set]);
-        }
+        let Gesture::Drawing { camera, points } = &mut self.gesture else { return };
+        let (camera, points) = (*camera, std::mem::take(points));
+        self.gesture = Gesture::Idle;
+        self.finish(session, camera, &points[..points.len() - 1]);
     }
 
     fn step_back(&mut self, session: &mut Session) -> bool {
@@ -153,8 +164,9 @@ impl Tool for Polyline {
         self.is_done
     }
 
-    fn hint(&self, _: &Session) -> String {
+    fn hint(&self, session: &Session) -> String {
         match (&self.gesture, self.kind) {
+            (Gesture::Grabbed(grab), _) => grab.hint(session),
             (Gesture::Idle, PolylineKind::StraightEdge) => {
                 "Click three or more points along an edge that is straight in reality.".into()
             }
@@ -182,6 +194,7 @@ impl Tool for Polyline {
             Gesture::Drawing { camera, points } => {
                 points.last().map(|&end| (Pane::Image(*camera), end.into()))
             }
+            Gesture::Grabbed(grab) => Some((Pane::Image(grab.camera), grab.at.into())),
             Gesture::Idle => None,
         }
     }

@@ -4,12 +4,13 @@ use calib_core::{Kind, Pixel};
 
 use calib_core::single::Shape;
 
-use calib_image::snap_image_curve;
 use calib_site::SiteCamera;
 
 use crate::edit;
 use crate::hit::{self, Part};
 use crate::session::Session;
+use crate::snap::snap_end;
+use crate::tools::grab::Grab;
 use crate::tools::{Pane, Phase, Pointer, Tool};
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -20,6 +21,8 @@ enum Gesture {
     Pressed { camera: usize, start: Pixel, end: Pixel },
     /// The first end was set by a click; the second end follows the pointer.
     Placed { camera: usize, start: Pixel, end: Pixel },
+    /// The button is down on an existing point.
+    Grabbed(Grab),
 }
 
 /// Tool that adds lines with two ends to an annotation, or uprights from foot to head.
@@ -29,6 +32,8 @@ pub(super) struct Segment {
     gesture: Gesture,
     /// Line of the current gesture as displayed, in raw pixels.
     shown: [Pixel; 2],
+    /// Whether the first end moves onto the edge under it, because Alt was pressed when it was set.
+    snaps_start: bool,
 }
 
 /// Smallest length of a line, in raw pixels; shorter lines are discarded.
@@ -36,7 +41,7 @@ const MIN_LINE_LENGTH_PX: f64 = 2.0;
 
 impl Segment {
     pub(super) const fn new(kind: Kind) -> Self {
-        Self { kind, gesture: Gesture::Idle, shown: [Pixel::new(0.0, 0.0); 2] }
+        Self { kind, gesture: Gesture::Idle, shown: [Pixel::new(0.0, 0.0); 2], snaps_start: false }
     }
 
     /// Writes the line into the site as unfinished, and selects it. `None` if the line is too short.
@@ -58,10 +63,43 @@ impl Segment {
         !session.tool.fresh_group && session.entry().is_some_and(is_drawn)
     }
 
-    /// Adds the line, moved onto an edge if Alt is pressed, and ends the gesture.
+    /// Adds the line and ends the gesture. While Alt is pressed, the second end is on the edge under the pointer.
     fn finish(&self, session: &mut Session, camera: usize, line: [Pixel; 2], pointer: &Pointer) -> Gesture {
-        self.add_line(session, camera, line_on_edge(session, camera, line, pointer));
+        self.add_line(session, camera, self.on_edges(session, camera, line, pointer));
         Gesture::Idle
+    }
+
+    /// Returns the line with each end on the image edge under it, if Alt is pressed at that end.
+    fn on_edges(
+        &self,
+        session: &Session,
+        camera: usize,
+        [start, end]: [Pixel; 2],
+        pointer: &Pointer,
+    ) -> [Pixel; 2] {
+        let lens = hit::lens_of(&session.site, camera, session.solved.pose(camera));
+        let (Some(image), Some(lens)) = (pointer.image.as_deref(), lens) else { return [start, end] };
+        let snapped = |snaps: bool, other: Pixel, at: Pixel| {
+            snaps.then(|| snap_end(image, &lens, other, at)).flatten().unwrap_or(at)
+        };
+        [snapped(self.snaps_start, end, start), snapped(pointer.modifiers.alt, start, end)]
+    }
+
+    /// Shows the line to the pointer.
+    fn follow(&mut self, session: &mut Session, camera: usize, line: [Pixel; 2], pointer: &Pointer) {
+        self.shown = self.on_edges(session, camera, line, pointer);
+        self.show(session, camera, self.shown);
+    }
+
+    /// Returns the gesture after a click: it accepts a detected edge, or sets the first end of a line.
+    fn click(&self, session: &mut Session, (camera, start): (usize, Pixel), pointer: &Pointer) -> Gesture {
+        match pointer.edge {
+            Some(edge) => {
+                self.add_line(session, camera, from_foot_to_head(self.kind, edge));
+                Gesture::Idle
+            }
+            None => Gesture::Placed { camera, start, end: pointer.at.into() },
+        }
     }
 
     /// Adds the line to the site as an undo step.
@@ -90,14 +128,6 @@ impl Segment {
     }
 }
 
-/// Returns the line moved onto the nearest image edge if Alt is pressed and an edge is found; otherwise the
-/// line itself.
-fn line_on_edge(session: &Session, camera: usize, line: [Pixel; 2], pointer: &Pointer) -> [Pixel; 2] {
-    let image = pointer.image.as_deref().filter(|_| pointer.modifiers.alt);
-    let lens = hit::lens_of(&session.site, camera, session.solved.pose(camera));
-    image.zip(lens).and_then(|(image, lens)| snap_image_curve(image, &lens, line)).unwrap_or(line)
-}
-
 /// Orders the ends of an upright as foot and head: the foot is lower in the image. Other lines stay
 /// unchanged.
 fn from_foot_to_head(kind: Kind, [a, b]: [Pixel; 2]) -> [Pixel; 2] {
@@ -110,34 +140,37 @@ impl Tool for Segment {
         self.gesture = match (std::mem::take(&mut self.gesture), pointer.phase) {
             (Gesture::Idle, Phase::Press) => {
                 session.select_camera(camera);
-                Gesture::Pressed { camera, start: at, end: at }
+                self.snaps_start = pointer.modifiers.alt;
+                let pressed = Gesture::Pressed { camera, start: at, end: at };
+                Grab::start(session, pointer).map_or(pressed, Gesture::Grabbed)
             }
             // An event in another view does not end the current line.
-            (gesture @ (Gesture::Pressed { camera: own, .. } | Gesture::Placed { camera: own, .. }), _)
-                if own != camera =>
-            {
-                gesture
+            (
+                gesture @ (Gesture::Pressed { camera: own, .. }
+                | Gesture::Placed { camera: own, .. }
+                | Gesture::Grabbed(Grab { camera: own, .. })),
+                _,
+            ) if own != camera => gesture,
+            (Gesture::Grabbed(grab), Phase::Release) if !pointer.moved && !grab.has_moved => {
+                self.click(session, (camera, grab.from), pointer)
+            }
+            (Gesture::Grabbed(grab), _) => {
+                grab.follow(session, pointer).map_or(Gesture::Idle, Gesture::Grabbed)
             }
             (Gesture::Pressed { start, .. }, Phase::Release) if pointer.moved => {
                 self.finish(session, camera, [start, at], pointer)
             }
             // A click on a detected edge accepts that edge.
-            (Gesture::Pressed { start, .. }, Phase::Release) => match pointer.edge {
-                Some(edge) => self.finish(session, camera, from_foot_to_head(self.kind, edge), pointer),
-                None => Gesture::Placed { camera, start, end: at },
-            },
+            (Gesture::Pressed { start, .. }, Phase::Release) => self.click(session, (camera, start), pointer),
             (Gesture::Pressed { start, .. }, _) => {
-                // While Alt is pressed, the line is displayed on the edge onto which it would be moved.
-                self.shown = line_on_edge(session, camera, [start, at], pointer);
-                self.show(session, camera, self.shown);
+                self.follow(session, camera, [start, at], pointer);
                 Gesture::Pressed { camera, start, end: at }
             }
             (Gesture::Placed { start, .. }, Phase::Release) => {
                 self.finish(session, camera, [start, at], pointer)
             }
             (Gesture::Placed { start, .. }, _) => {
-                self.shown = line_on_edge(session, camera, [start, at], pointer);
-                self.show(session, camera, self.shown);
+                self.follow(session, camera, [start, at], pointer);
                 Gesture::Placed { camera, start, end: at }
             }
             (Gesture::Idle, _) => Gesture::Idle,
@@ -145,8 +178,9 @@ impl Tool for Segment {
     }
 
     fn accept(&mut self, session: &mut Session) {
-        // The line is added as displayed, which is on an edge while Alt is pressed.
-        if let Gesture::Placed { camera, .. } = std::mem::take(&mut self.gesture) {
+        // The line is added as displayed, with its end on an edge while Alt is pressed.
+        if let Gesture::Placed { camera, .. } = self.gesture {
+            self.gesture = Gesture::Idle;
             self.add_line(session, camera, self.shown);
         }
     }
@@ -183,6 +217,7 @@ impl Tool for Segment {
                 "Draw one of the parallel lines on the floor: drag, or click both ends.".into()
             }
             (Gesture::Pressed { .. }, _) => "Release to end the line.  Alt: snap to edge".into(),
+            (Gesture::Grabbed(grab), _) => grab.hint(session),
             (Gesture::Placed { .. }, _) => "Click or press Enter to end the line.  Alt: snap to edge".into(),
         }
     }
@@ -190,6 +225,7 @@ impl Tool for Segment {
     fn dragged_point(&self) -> Option<(Pane, [f64; 2])> {
         match self.gesture {
             Gesture::Idle => None,
+            Gesture::Grabbed(grab) => Some((Pane::Image(grab.camera), grab.at.into())),
             Gesture::Pressed { camera, end, .. } | Gesture::Placed { camera, end, .. } => {
                 Some((Pane::Image(camera), end.into()))
             }

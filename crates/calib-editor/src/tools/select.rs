@@ -8,6 +8,7 @@ use crate::edit;
 use crate::hit::{self, Part};
 use crate::session::Session;
 use crate::snap;
+use crate::tools::grab::{FINE_DRAG, drag_selection};
 use crate::tools::mark::MarkDrag;
 use crate::tools::place::PlaceDrag;
 use crate::tools::{Pane, Phase, Pointer, Tool, annotation_sigma_px};
@@ -37,9 +38,6 @@ enum Gesture {
 pub(super) struct Select {
     gesture: Gesture,
 }
-
-/// Ratio of the movement of a part to the movement of the pointer while Shift is pressed.
-const FINE_DRAG: f64 = 0.1;
 
 impl Select {
     /// Starts the gesture of a press on an image.
@@ -100,23 +98,6 @@ impl Select {
     }
 }
 
-/// Moves the selected parts with the pointer, and returns the position of the dragged point in raw pixels.
-fn drag_parts(session: &mut Session, camera: usize, from: Pixel, pointer: &Pointer) -> Pixel {
-    let at: Pixel = pointer.at.into();
-    let share = if pointer.modifiers.shift { FINE_DRAG } else { 1.0 };
-    let by = [share * (at.u - from.u), share * (at.v - from.v)];
-    session.revert();
-    let parts = session.selection.clone();
-    edit::shift(&mut session.site, camera, &parts, by);
-    let first = edit::points_of(&session.site, camera, &parts).into_iter().next();
-    match (parts.len(), first) {
-        (1, Some(part)) if parts.contains(&part) => {
-            edit::pixel_mut(&mut session.site, camera, part).map_or(at, |pixel| *pixel)
-        }
-        _ => Pixel::new(from.u + by[0], from.v + by[1]),
-    }
-}
-
 /// Sets the standard deviation of a moved link point or control point to the accuracy of the drag. Points
 /// that were moved together keep their standard deviations. A point that is more accurate than a click also
 /// keeps its value.
@@ -152,12 +133,16 @@ impl Tool for Select {
         self.gesture = match (gesture, pointer.phase) {
             (Gesture::Idle, Phase::Press) => Self::press(session, pointer),
             (Gesture::Parts { camera, from, at }, phase) if pointer.pane == Pane::Image(camera) => {
-                let at = if pointer.moved { drag_parts(session, camera, from, pointer) } else { at };
+                let at = if pointer.moved { drag_selection(session, camera, from, pointer) } else { at };
                 if phase != Phase::Release {
                     Gesture::Parts { camera, from, at }
                 } else {
                     if pointer.moved {
-                        if let Some(image) = pointer.image.as_deref().filter(|_| pointer.modifiers.alt) {
+                        // A single point is already on the edge under the pointer.
+                        let is_line = !matches!(session.selection.first(), Some(Part::Vertex { .. }))
+                            || session.selection.len() > 1;
+                        let pulls = pointer.modifiers.alt && is_line;
+                        if let Some(image) = pointer.image.as_deref().filter(|_| pulls) {
                             let parts = session.selection.clone();
                             let moved = edit::points_of(&session.site, camera, &parts);
                             let lens = hit::lens_of(&session.site, camera, session.solved.pose(camera));
