@@ -1,6 +1,6 @@
 //! Named handles on canvases for screen readers, the Tab key and tests; and the context menu of a canvas.
 
-use calib_editor::{Action, Pane, Part, PlanHandle, hit, plan_handles};
+use calib_editor::{Action, Pane, Part, PlanHandle, TOOLS, ToolRow, hit, plan_handles};
 use egui::{
     Button, EventFilter, Key, KeyboardShortcut, Popup, Rect, Response, RichText, Role, Sense, Ui, Vec2,
     WidgetInfo,
@@ -136,8 +136,15 @@ const IMAGE_MENU: [&[Command]; 5] = [
 
 /// Shows the context menu of a canvas while the menu is open.
 pub(crate) fn show(app: &mut App, response: &Response, key: (Place, Pane), mapping: &Mapping) {
+    // With a drawing tool, a resting finger continues to draw.
+    let acts_here =
+        key.1 != Pane::Plan || TOOLS.get(app.editor.tool_row()).is_some_and(ToolRow::acts_on_plan);
+    let draws = app.editor.tool_row() != 0 && acts_here && app.view.panes.captured == Some(key);
+    if response.long_touched() && draws {
+        return;
+    }
     if response.long_touched() && app.view.panes.was_idle {
-        // A long press must not draw.
+        // A long press with the selection tool opens the menu.
         app.send(Action::CancelGesture);
         app.view.panes.forget_pointer();
     }

@@ -56,7 +56,7 @@ fn pan_and_zoom(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &mut Mappin
     if scroll.x != 0.0 {
         mapping.view.pan(Vec2::new(scroll.x, 0.0));
     }
-    if space || middle {
+    if space || middle || holds && app.view.panes.has_finger_pan {
         mapping.view.pan(by);
         ui.ctx().set_cursor_icon(CursorIcon::Grabbing);
     }
@@ -114,8 +114,7 @@ fn pointer_events(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &Mapping)
                 if app.view.panes.captured == Some(key) =>
             {
                 app.view.panes.moved |= pos.distance(app.view.panes.pressed) > MAX_CLICK_MOVEMENT;
-                send_pointer(app, ui, key, mapping, pos, Phase::Release, modifiers);
-                app.view.panes.captured = None;
+                handle_release(app, ui, key, mapping, pos, modifiers);
             }
             _ => {}
         }
@@ -137,7 +136,9 @@ fn handle_move(
         app.view.panes.moved |= holds && at.distance(app.view.panes.pressed) > MAX_CLICK_MOVEMENT;
         app.view.panes.cursor = Some((key.1, mapping.document(at)));
         let phase = if holds { Phase::Drag } else { Phase::Hover };
-        send_pointer(app, ui, key, mapping, at, phase, modifiers);
+        if !app.view.panes.has_finger_pan {
+            send_pointer(app, ui, key, mapping, at, phase, modifiers);
+        }
     } else if app.view.panes.cursor.is_some_and(|(pane, _)| pane == key.1)
         && (is_covered || !mapping.rect.contains(at))
     {
@@ -169,7 +170,46 @@ fn handle_press(
     (panes.captured, panes.active) = (Some(key), Some(key));
     (panes.pressed, panes.moved) = (at, false);
     panes.cursor = Some((key.1, mapping.document(at)));
-    send_pointer(app, ui, key, mapping, at, Phase::Press, modifiers);
+    app.view.panes.has_finger_pan = is_finger_pan(app, ui, key, mapping, at);
+    if !app.view.panes.has_finger_pan {
+        send_pointer(app, ui, key, mapping, at, Phase::Press, modifiers);
+    }
+}
+
+/// Handles the release of the primary button.
+fn handle_release(
+    app: &mut App,
+    ui: &Ui,
+    key: (Place, Pane),
+    mapping: &Mapping,
+    at: Pos2,
+    modifiers: Modifiers,
+) {
+    let panes = &mut app.view.panes;
+    let (has_panned, has_moved) = (std::mem::take(&mut panes.has_finger_pan), panes.moved);
+    if has_panned && !has_moved {
+        // A tap on an empty image clears the selection, as a click does.
+        send_pointer(app, ui, key, mapping, at, Phase::Press, modifiers);
+    }
+    if !(has_panned && has_moved) {
+        send_pointer(app, ui, key, mapping, at, Phase::Release, modifiers);
+    }
+    app.view.panes.captured = None;
+}
+
+/// Whether a press pans the image: a finger on an empty part of it, with the selection tool.
+fn is_finger_pan(app: &App, ui: &Ui, key: (Place, Pane), mapping: &Mapping, at: Pos2) -> bool {
+    let Pane::Image(camera) = key.1 else { return false };
+    if app.editor.tool_row() != 0 || !ui.input(egui::InputState::any_touches) {
+        return false;
+    }
+    let session = app.editor.session();
+    let (at, radius) = (Pixel::from(mapping.document(at)), mapping.units(theme::TOUCH_HIT));
+    let pose = session.solved.pose(camera);
+    let is_proposed = camera == session.camera && session.proposed().is_some();
+    let hit = hit::pick(&session.site, camera, pose, at, radius, &session.selection);
+    // A tap can select a line of an automatic calibration.
+    hit.is_none() && !is_proposed
 }
 
 /// Returns the capture time of the image at a screen point: the newer or the calibrated image, whichever the canvas
@@ -382,9 +422,17 @@ fn cursor(app: &App, ui: &Ui, pane: Pane, mapping: &Mapping) {
             }
         }
         (_, 0, Pane::Plan) => CursorIcon::Default,
+        (None, _, Pane::Image(camera)) if moves_point(app, camera, mapping, at) => CursorIcon::Move,
         _ => CursorIcon::Crosshair,
     };
     ui.ctx().set_cursor_icon(icon);
+}
+
+/// Whether a drag at a screen point moves a point of a line, although a drawing tool is active.
+fn moves_point(app: &App, camera: usize, mapping: &Mapping, at: Pos2) -> bool {
+    let at = mapping.document(at).into();
+    app.editor.tool_kind().is_some()
+        && hit::line_point(app.editor.site(), camera, at, mapping.units(theme::HIT)).is_some()
 }
 
 /// Shows the canvas with the floor plan.
@@ -422,19 +470,11 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
         opacity: app.opacity(ui.ctx()),
         blend: app.view.blend,
         fills_fields: !app.view.coverage,
-        (None, _, Pane::Image(camera)) if moves_point(app, camera, mapping, at) => CursorIcon::Move,
         ellipses: app.ellipse_size(),
         before: &before,
     };
     floor.paint_plan(&painter, &pieces);
     floor.paint_grid(&painter, palette.text3.gamma_multiply(0.18));
-/// Whether a drag at a screen point moves a point of a line, although a drawing tool is active.
-fn moves_point(app: &App, camera: usize, mapping: &Mapping, at: Pos2) -> bool {
-    let at = mapping.document(at).into();
-    app.editor.tool_kind().is_some()
-        && hit::line_point(app.editor.site(), camera, at, mapping.units(theme::HIT)).is_some()
-}
-
     floor.paint_images(&painter, &app.pictures);
     if app.view.coverage {
         paint_coverage(app.coverage.as_ref(), app.editor.site(), &painter, &mapping);
@@ -450,14 +490,14 @@ fn moves_point(app: &App, camera: usize, mapping: &Mapping, at: Pos2) -> bool {
     floor.paint_scale(&painter);
     paint_north(app.editor.session(), &floor.mapping, &painter);
     handles::on_plan(app, ui, &mapping);
+    app.view.panes.plan_button = None;
     if place == Place::Main {
+        open_plan_ui(app, ui, key, rect);
         let legend = if app.view.coverage { legend_ui(app, ui, rect) } else { None };
         app.view.panes.legend = legend.map(|rect| (key, rect));
     }
     self::cursor(app, ui, Pane::Plan, &mapping);
 }
-    app.view.panes.plan_button = None;
-        open_plan_ui(app, ui, key, rect);
 
 /// Shows a button that opens a floor plan, if the site has none. It is in the middle of an empty floor, otherwise at the
 /// top.

@@ -60,6 +60,8 @@ pub struct Panes {
     pub(crate) double: bool,
     /// Whether no gesture was active before the last press.
     pub(crate) was_idle: bool,
+    /// Whether one finger pans the canvas that receives the pointer.
+    pub(crate) has_finger_pan: bool,
     /// Whether a second finger has ended the gesture; the fingers pan and zoom until all are lifted.
     pub(crate) has_pinch: bool,
     /// Time in seconds and screen point of the last press that can begin a double click.
@@ -68,10 +70,10 @@ pub struct Panes {
     pub(crate) minimap: Option<((Place, Pane), Rect)>,
     /// Canvas with the legend of the coverage, and the legend's rectangle.
     pub(crate) legend: Option<((Place, Pane), Rect)>,
-    /// Canvas that wipes between two images, and the rectangle of its wipe handle.
-    pub(crate) wipe: Option<((Place, Pane), Rect)>,
     /// Canvas with the button that opens a floor plan, and the rectangle around the button.
     pub(crate) plan_button: Option<((Place, Pane), Rect)>,
+    /// Canvas that wipes between two images, and the rectangle of its wipe handle.
+    pub(crate) wipe: Option<((Place, Pane), Rect)>,
     /// Camera whose newer image the main canvas shows, and the screen x from which it is visible.
     pub(crate) newer_from: Option<(usize, f32)>,
     /// Canvas that was used last; zoom keys apply to it.
@@ -87,7 +89,7 @@ pub struct Panes {
 impl Panes {
     /// Forgets a pressed pointer whose release will not arrive.
     pub fn forget_pointer(&mut self) {
-        (self.captured, self.last_press) = (None, None);
+        (self.captured, self.last_press, self.has_finger_pan) = (None, None, false);
     }
 
     /// Clears the rectangles of the last frame, and a pointer position on a hidden canvas.
