@@ -171,8 +171,8 @@ pub fn inline(ui: &mut Ui, icon: Icon, colour: Color32) -> Response {
 pub struct Look {
     /// Size of the button, in points.
     pub size: Vec2,
-    /// Whether the button is selected.
-    pub chosen: bool,
+    /// Whether a button with two states is on; `None` for a button that has no state.
+    pub chosen: Option<bool>,
     /// Whether the button is enabled.
     pub enabled: bool,
     /// Colour of the icon; `None` for the text colour.
@@ -181,7 +181,7 @@ pub struct Look {
 
 impl Default for Look {
     fn default() -> Self {
-        Self { size: Vec2::new(24.0, 24.0), chosen: false, enabled: true, colour: None }
+        Self { size: Vec2::new(24.0, 24.0), chosen: None, enabled: true, colour: None }
     }
 }
 
@@ -189,16 +189,20 @@ impl Default for Look {
 pub fn button(ui: &mut Ui, icon: Icon, label: &str, tip: &str, look: Look) -> Response {
     let sense = if look.enabled { Sense::click() } else { Sense::hover() };
     let (rect, response) = ui.allocate_exact_size(look.size, sense);
-    response.widget_info(|| WidgetInfo::selected(Role::Button, look.enabled, look.chosen, label));
+    response.widget_info(|| match look.chosen {
+        Some(is_on) => WidgetInfo::selected(Role::Button, look.enabled, is_on, label),
+        None => WidgetInfo::labeled(Role::Button, look.enabled, label),
+    });
+    let is_on = look.chosen == Some(true);
     let palette = theme::palette(ui.ctx());
-    let fill = match (look.chosen, response.hovered() && look.enabled) {
+    let fill = match (is_on, response.hovered() && look.enabled) {
         (true, _) => palette.accent_bg,
         (false, true) => palette.line,
         (false, false) => Color32::TRANSPARENT,
     };
     let radius = CornerRadius::same(4);
     ui.painter().rect_filled(rect, radius, fill);
-    if look.chosen || response.has_focus() {
+    if is_on || response.has_focus() {
         let stroke = Stroke::new(1.0, palette.accent);
         ui.painter().rect_stroke(rect, radius, stroke, egui::StrokeKind::Inside);
     }

@@ -36,7 +36,7 @@ pub(crate) fn marks_ui(app: &mut App, ui: &mut Ui) {
         for kind in MarkKind::ALL {
             let name = format!("{kind:?}").to_lowercase();
             let look = Look {
-                chosen: app.editor.session().tool.mark_kind == kind,
+                chosen: Some(app.editor.session().tool.mark_kind == kind),
                 size: Vec2::splat(28.0),
                 ..Look::default()
             };

@@ -3,7 +3,7 @@
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::time::Duration;
 
-use egui::accesskit::{Node, NodeId, Role, Toggled, TreeUpdate};
+use egui::accesskit::{Live, Node, NodeId, Role, Toggled, TreeUpdate};
 use egui::{Context, FullOutput, Plugin};
 use serde_json::{Value, json};
 
@@ -65,9 +65,9 @@ fn tree(update: &TreeUpdate, includes_rects: bool) -> Value {
     json!({"nodes": list, "spoken": spoken})
 }
 
-/// Whether a visible node has a label or a value.
+/// Whether a visible node has a label or a value. A live region is also needed while it is empty.
 fn has_text(node: &Node) -> bool {
-    !node.is_hidden() && (node.label().is_some() || node.value().is_some())
+    !node.is_hidden() && (node.label().is_some() || node.value().is_some() || node.live().is_some())
 }
 
 /// Returns the sort key of a node in reading order: rows of eight points from the top, then from the left.
@@ -90,6 +90,11 @@ fn entry(id: NodeId, node: &Node, includes_rects: bool) -> Value {
     } else {
         (node.label(), value)
     };
+    let live = node.live().map(|live| match live {
+        Live::Off => "off",
+        Live::Polite => "polite",
+        Live::Assertive => "assertive",
+    });
     let bounds = node.bounds().filter(|_| includes_rects);
     let at = bounds.map(|b| format!("{:.1} {:.1} {:.1} {:.1}", b.x0, b.y0, b.x1, b.y1));
     json!({
@@ -98,6 +103,7 @@ fn entry(id: NodeId, node: &Node, includes_rects: bool) -> Value {
         "label": label,
         "value": value,
         "checked": checked,
+        "live": live,
         "disabled": node.is_disabled(),
         "at": at,
     })

@@ -1,6 +1,7 @@
 //! The window around the canvases: bars, lists, sheets, and the panels of every mode.
 
 pub(crate) mod tour;
+pub(crate) mod announce;
 pub mod above;
 pub(crate) mod cameras;
 pub(crate) mod warnings;

@@ -10,6 +10,8 @@ use egui::scroll_area::ScrollBarVisibility;
 use egui::{Align, Align2, Layout, RichText, Ui, Vec2};
 
 use crate::icons::{self, Icon, Look};
+use crate::keys;
+use crate::shell::announce::{announce, result_region};
 use crate::state::App;
 use crate::theme;
 use crate::widgets::{decimals, number};
@@ -37,11 +39,13 @@ pub(crate) fn status_ui(app: &mut App, ui: &mut Ui) {
                 pointer_position(app, ui);
             }
             ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
-                ui.add(egui::Label::new(RichText::new(hint).color(palette.text)).truncate());
+                let label = egui::Label::new(RichText::new(hint).color(palette.text)).truncate();
+                announce(&ui.add(label), false);
             });
         });
     });
     if stop {
+    result_region(app, ui);
         app.stop_work();
     }
 }
@@ -276,7 +280,7 @@ fn tools(app: &App, ui: &mut Ui, height: f32, chosen: &mut Option<usize>) {
         let colour = row.kind.map(|kind| theme::kind_icon(kind, dark));
         let look = Look {
             size: Vec2::new(36.0, height),
-            chosen: index == app.editor.tool_row(),
+            chosen: Some(index == app.editor.tool_row()),
             colour,
             ..Look::default()
         };

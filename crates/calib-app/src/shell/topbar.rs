@@ -125,21 +125,21 @@ fn views(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
 /// Shows the buttons in the right part of the bar, from the right edge inwards.
 fn right(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
     let palette = theme::palette(ui.ctx());
-    let mut button = |ui: &mut Ui, icon, label: &str, command, on: bool| {
+    let mut button = |ui: &mut Ui, icon, label: &str, command, on: Option<bool>| {
         let look = Look { enabled: app.is_enabled(command), chosen: on, ..Look::default() };
         if icons::button(ui, icon, label, "", look).clicked() {
             *chosen = Some(command);
         }
     };
-    button(ui, Icon::Sun, "Switch between light and dark theme", Command::Theme, false);
-    button(ui, Icon::Search, "Commands (Ctrl+K)", Command::Palette, false);
+    button(ui, Icon::Sun, "Switch between light and dark theme", Command::Theme, None);
+    button(ui, Icon::Search, keys::shown(ui.ctx(), "Commands (Ctrl+K)"), Command::Palette, None);
     let paused = app.editor.session().solved.paused;
-    let (icon, label) = if paused { (Icon::Play, "Resume solving") } else { (Icon::Pause, "Pause solving") };
-    button(ui, icon, label, Command::Pause, paused);
+    let icon = if paused { Icon::Play } else { Icon::Pause };
+    button(ui, icon, "Pause solving", Command::Pause, Some(paused));
     let redo = app.editor.command_text(Command::Redo);
-    button(ui, Icon::Redo, &redo, Command::Redo, false);
+    button(ui, Icon::Redo, &redo, Command::Redo, None);
     let undo = app.editor.command_text(Command::Undo);
-    button(ui, Icon::Undo, &undo, Command::Undo, false);
+    button(ui, Icon::Undo, &undo, Command::Undo, None);
     // If the bar is short of space, the undo label is hidden first.
     let room = ui.available_width() - 4.0;
     if app.editor.session().history.undo_name().is_some() && room > 60.0 {

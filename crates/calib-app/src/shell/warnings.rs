@@ -9,6 +9,8 @@ use crate::annotate::sigmas::{GROUND_ANSWERS, set_scene};
 use crate::command::Command;
 use crate::compare::panel::verdict;
 use crate::icons::{self, Icon};
+use crate::keys;
+use crate::shell::announce::announce;
 use crate::state::{App, Mode};
 use crate::storage::autosave::ago;
 use crate::theme;
@@ -330,7 +332,7 @@ pub(crate) fn error(app: &mut App, ui: &mut Ui) {
     let (mut close, mut save) = (false, false);
     egui::Frame::NONE.fill(palette.bad_bg).inner_margin(12).show(ui, |ui| {
         ui.set_width(ui.available_width());
-        ui.label(RichText::new(error).color(palette.bad));
+        announce(&ui.label(RichText::new(error).color(palette.bad)), true);
         ui.horizontal(|ui| {
             close = ui.button("Close").clicked();
             save = !app.editor.session().is_saved() && ui.button("Save the site").clicked();

@@ -88,12 +88,25 @@ pub struct Hover {
     pub(crate) suspect: Option<(usize, usize, usize)>,
     /// Whether a text field had the focus at the end of the last frame.
     pub(crate) was_typing: bool,
+    /// Result that was announced last to screen readers.
+    pub(crate) announced: AnnouncedResult,
     /// Keyboard focus at the start of the last frame.
     pub(crate) focus: FocusWatch,
 }
 
 /// Last field that waits for a value on the current image and on the plan, each with the number of such fields.
 type OpenFields = [Option<(AskedField, usize)>; 2];
+
+/// Result of a camera that was announced to screen readers.
+#[derive(Debug, Default)]
+pub(crate) struct AnnouncedResult {
+    /// Index of the camera.
+    pub(crate) camera: Option<usize>,
+    /// Result as a sentence.
+    pub(crate) result: String,
+    /// Time of the announcement, on the clock of egui in seconds.
+    pub(crate) since: f64,
+}
 
 /// Sheets and dialogs above the window.
 #[derive(Debug)]
