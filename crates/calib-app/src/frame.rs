@@ -30,6 +30,7 @@ impl App {
     /// Handles finished work, dropped files and keys, before anything is painted.
     pub fn logic(&mut self, ctx: &Context) {
         set_click_duration(ctx);
+        keys::watch_touch(ctx);
         focus::scroll_to_focused(ctx, &mut self.hover.focus);
         self.pictures.begin_frame(ctx);
         self.edges.begin_frame();

@@ -86,8 +86,10 @@ fn rows(app: &App, ui: &mut Ui, group: &[Command], chosen: &mut Option<Command>)
     ui.set_min_width(260.0);
     let rows = group.iter().filter_map(|command| COMMANDS.iter().find(|row| row.command == *command));
     for row in rows {
-        let keys =
-            row.keys.map_or_else(String::new, |keys| shortcut_text(ui, keys::shortcut(row.command, keys)));
+        let keys = row
+            .keys
+            .filter(|_| keys::are_shown(ui.ctx()))
+            .map_or_else(String::new, |keys| shortcut_text(ui, keys::shortcut(row.command, keys)));
         let button = Button::new(row.text).shortcut_text(keys).min_size(Vec2::new(250.0, 22.0));
         if ui.add_enabled(app.is_enabled(row.command), button).clicked() {
             *chosen = Some(row.command);

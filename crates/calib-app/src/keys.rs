@@ -6,6 +6,7 @@ use egui::{Context, KeyboardShortcut};
 use crate::command::{self, Command};
 use crate::focus;
 use crate::platform::{Here, Platform as _};
+use crate::widgets::PHONE;
 
 /// Converts modifier keys from egui to `calib_editor`.
 pub(crate) const fn held(modifiers: egui::Modifiers) -> Modifiers {
@@ -69,6 +70,49 @@ pub fn pressed(ctx: &Context, was_typing: bool, has_sheet: bool) -> Vec<(Command
         ctx.memory_mut(|memory| memory.surrender_focus(field));
     }
     found
+}
+
+/// Id under which the device of the last input is stored: whether it was a touch screen.
+fn touch_id() -> egui::Id {
+    egui::Id::unique("last input was a touch")
+}
+
+/// Detects whether the operator uses a touch screen or a keyboard.
+pub(crate) fn watch_touch(ctx: &Context) {
+    let is_touch = ctx.input(|input| {
+        let is_key = |event: &egui::Event| matches!(event, egui::Event::Key { pressed: true, .. });
+        input.any_touches().then_some(true).or_else(|| input.events.iter().any(is_key).then_some(false))
+    });
+    if let Some(is_touch) = is_touch {
+        ctx.data_mut(|data| data.insert_temp(touch_id(), is_touch));
+    }
+}
+
+/// Whether key hints are shown. They are hidden on phones and after a touch.
+#[must_use]
+pub(crate) fn are_shown(ctx: &Context) -> bool {
+    let is_touch = ctx.data(|data| data.get_temp(touch_id())).unwrap_or(false);
+    !is_touch && ctx.content_rect().width() >= PHONE
+}
+
+/// Returns a sentence without its keys, which follow two spaces, if key hints are hidden.
+#[must_use]
+pub(crate) fn shown_hint<'a>(ctx: &Context, text: &'a str) -> &'a str {
+    let bare = text.split_once("  ").map_or(text, |(text, _)| text);
+    if are_shown(ctx) { text } else { bare }
+}
+
+/// Returns a label without its keys, if key hints are hidden. Keys are in parentheses at the end, or follow spaces.
+#[must_use]
+pub(crate) fn shown<'a>(ctx: &Context, text: &'a str) -> &'a str {
+    if are_shown(ctx) {
+        return text;
+    }
+    let text = shown_hint(ctx, text);
+    match text.rsplit_once(" (") {
+        Some((label, keys)) if keys.ends_with(')') => label,
+        _ => text,
+    }
 }
 
 /// Second shortcut for redo, as in other programs.

@@ -9,6 +9,7 @@ use egui::{Color32, ComboBox, RichText, Ui, WidgetInfo};
 
 use crate::command::Command;
 use crate::icons::{self, Icon};
+use crate::keys;
 use crate::state::{App, AutomaticRow, Mode, RowPlacement};
 use crate::theme;
 use crate::widgets::{heading, section};
@@ -295,10 +296,19 @@ fn capital(words: &str) -> String {
 fn whole(app: &mut App, ui: &mut Ui, proposed: &PendingCalibration) {
     ui.horizontal_wrapped(|ui| {
         let is_offered = proposed.confidence != Confidence::None && !proposed.groups.is_empty();
-        if is_offered && ui.button("Accept all   Enter").clicked() {
+        if is_offered
+            && ui
+                .button(keys::shown(ui.ctx(), "Accept all   Enter"))
+                .on_hover_text("Add all detected lines")
+                .clicked()
+        {
             app.send_command(Command::AcceptProposed);
         }
-        if ui.button("Discard   Esc").clicked() {
+        if ui
+            .button(keys::shown(ui.ctx(), "Discard   Esc"))
+            .on_hover_text("Remove all detected lines")
+            .clicked()
+        {
             app.send_command(Command::DismissProposed);
         }
     });

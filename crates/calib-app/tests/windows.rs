@@ -8,6 +8,7 @@ mod desk;
 use calib_app::state::Place;
 use calib_editor::Pane;
 use desk::{Desk, demo};
+use egui::accesskit::{Live, Toggled};
 use egui::{Event, Key, Modifiers, PointerButton, TouchDeviceId, TouchId, TouchPhase, Vec2};
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
 
@@ -119,4 +120,61 @@ fn sections_are_headings_and_undo_is_shown_once() {
         let heading = desk.harness.query_by_role_and_label(egui::Role::Heading, title);
         assert!(heading.is_some(), "the key sheet has a group {title}");
     }
+}
+
+#[test]
+fn tools_have_a_pressed_state_and_other_icon_buttons_have_none() {
+    let mut desk = Desk::new(demo());
+    desk.take("Vertical");
+    let state = |label: &str| desk.harness.get_by_label(label).accesskit_node().toggled();
+    assert_eq!(state("Vertical tool"), Some(Toggled::True));
+    assert_eq!(state("Parallel tool"), Some(Toggled::False));
+    assert_eq!(state("Pause solving"), Some(Toggled::False));
+    assert_eq!(state("Menu"), None);
+    assert_eq!(state("Add images"), None);
+}
+
+#[test]
+fn changed_results_hints_and_errors_are_announced() {
+    let mut desk = Desk::new(demo());
+    let said = |desk: &Desk| {
+        let live = desk.harness.query_all_by(|node| node.live() != Live::Off);
+        let said = live.map(|node| node.accesskit_node().label().or(node.accesskit_node().value()));
+        said.flatten().collect::<Vec<String>>().join("\n")
+    };
+    assert!(!said(&desk).contains("Result of"), "only changes are announced: {}", said(&desk));
+    desk.take("Vertical");
+    assert!(said(&desk).contains("Draw along a vertical edge"), "{}", said(&desk));
+    desk.line(0, [600.0, 300.0].into(), [1000.0, 500.0].into());
+    desk.harness.run_steps(4);
+    assert!(said(&desk).contains("Result of shop-1: "), "{}", said(&desk));
+    desk.app().act(calib_editor::Action::SetError("The file is damaged.".into()));
+    desk.harness.run_steps(2);
+    assert!(said(&desk).contains("The file is damaged."), "{}", said(&desk));
+    desk.harness.run_steps(60);
+    assert!(!said(&desk).contains("Result of"), "the result is announced once");
+}
+
+#[test]
+fn key_hints_are_hidden_on_phones_and_after_a_touch() {
+    let mut site = demo();
+    site.cameras[0].annotations.clear();
+    site.cameras[0].image = Some("missing.png".into());
+    let mut desk = Desk::new(site);
+    desk.take("Vertical");
+    let has_keys = |desk: &Desk| desk.words().iter().any(|word| word.contains("Shift+P"));
+    assert!(has_keys(&desk), "{:?}", desk.words());
+    let at = egui::Pos2::new(700.0, 20.0);
+    let finger =
+        |phase| Event::Touch { device_id: TouchDeviceId(0), id: TouchId(1), phase, pos: at, force: None };
+    desk.harness.input_mut().events.extend([finger(TouchPhase::Start)]);
+    desk.harness.step();
+    desk.harness.input_mut().events.extend([finger(TouchPhase::End)]);
+    desk.harness.run_steps(2);
+    assert!(!has_keys(&desk), "after a touch: {:?}", desk.words());
+    desk.key(Key::P);
+    assert!(has_keys(&desk), "after a key");
+    desk.harness.set_size(Vec2::new(500.0, 900.0));
+    desk.harness.run_steps(4);
+    assert!(!has_keys(&desk), "on a phone: {:?}", desk.words());
 }

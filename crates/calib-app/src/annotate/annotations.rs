@@ -10,6 +10,7 @@ use crate::annotate::result::empty_field;
 use crate::annotate::sigmas::{self, Usual};
 use crate::focus::AskedField;
 use crate::icons::{self, Icon};
+use crate::keys;
 use crate::state::App;
 use crate::theme;
 use crate::widgets::{heading, length_field, number};
@@ -74,13 +75,13 @@ pub(crate) fn annotations_ui(app: &mut App, ui: &mut Ui) {
     let usual = Usual { click: sigma, scene: app.editor.session().site.scene_errors(entry) };
     if annotations.is_empty() {
         let palette = theme::palette(ui.ctx());
-        ui.label(
-            RichText::new(
-                "No lines yet. Press Shift+P to detect lines, or V, P or R to draw verticals, parallels or \
-                 right angles.",
-            )
-            .color(palette.text2),
-        );
+        let text = if keys::are_shown(ui.ctx()) {
+            "No lines yet. Press Shift+P to detect lines, or V, P or R to draw verticals, parallels or \
+             right angles."
+        } else {
+            "No lines yet. Choose a tool on the left, then drag along an edge."
+        };
+        ui.label(RichText::new(text).color(palette.text2));
     }
     let mut requests = Vec::new();
     ui.spacing_mut().item_spacing.y = 0.0;

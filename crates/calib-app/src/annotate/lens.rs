@@ -232,7 +232,7 @@ pub fn old_still(app: &mut App, ui: &mut Ui) {
     ui.horizontal(|ui| {
         let label = ui.label(RichText::new("Old image").color(palette.text2));
         ui.add(egui::Slider::new(&mut share, 0.0..=1.0).show_value(false)).labelled_by(label.id);
-        done = ui.button("Done").clicked();
+        done = ui.button("Done").on_hover_text("Hide the old image").clicked();
     });
     if size.is_some() && ui.button(format!("Rescale the annotations to {w} \u{d7} {h} px")).clicked() {
         app.send(Action::RescaleToImage);

@@ -10,6 +10,7 @@ use egui::{DragValue, RichText, ScrollArea, Ui, Vec2};
 use crate::annotate::result::{TAPE, empty_field, known_fields};
 use crate::command::Command;
 use crate::icons::{self, Icon, Look};
+use crate::keys;
 use crate::state::App;
 use crate::theme;
 use crate::widgets::{heading, length_field};
@@ -156,7 +157,12 @@ pub(crate) fn links_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     heading(ui, "Links", "residual in px per camera; gap on the floor");
     if app.editor.session().site.links.is_empty() {
-        ui.label(RichText::new("Press K to link a point that two views show.").color(palette.text2));
+        let text = if keys::are_shown(ui.ctx()) {
+            "Press K to link a point that two views show."
+        } else {
+            "Choose the tool Link, then click a point that two views show."
+        };
+        ui.label(RichText::new(text).color(palette.text2));
         return;
     }
     let cameras = linked_cameras(app);
@@ -328,7 +334,8 @@ fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
         }
         LinkKind::Post => {
             post_fields(app, ui, link, &mut new);
-            if ui.button("Change to a floor line").clicked() {
+            let tip = "The line lies on the floor; its ends need not be the same in every view";
+            if ui.button("Change to a floor line").on_hover_text(tip).clicked() {
                 (new.kind, new.length_m) = (LinkKind::Line, None);
                 for seen in &mut new.seen {
                     seen.segment =
@@ -353,7 +360,7 @@ fn post_fields(app: &App, ui: &mut Ui, link: &Link, new: &mut Link) {
         return;
     };
     known_fields(ui, label.id, session.site.units, known);
-    if ui.button("Not measured").clicked() {
+    if ui.button("Not measured").on_hover_text("Estimate the length instead").clicked() {
         new.length_m = None;
     }
 }
@@ -379,7 +386,7 @@ pub(crate) fn far_apart(app: &mut App, ui: &mut Ui) {
     let text = format!("Disagreement above 3 \u{3c3}: {far} of {all}");
     let shows = ui.horizontal(|ui| {
         ui.label(RichText::new(text).color(if far > 0 { palette.bad } else { palette.text2 }));
-        far > 0 && ui.button("Show").clicked()
+        far > 0 && ui.button("Show").on_hover_text("Show the links in all cameras").clicked()
     });
     if shows.inner {
         app.send_command(Command::ViewAll);

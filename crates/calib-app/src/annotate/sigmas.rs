@@ -147,7 +147,7 @@ pub(crate) fn fields(ui: &mut Ui, drawn: &Annotation, usual: Usual) -> Option<An
             exact: false,
             ..annotation.clone()
         };
-        if own != annotation && ui.small_button("Reset").clicked() {
+        if own != annotation && ui.small_button("Reset").on_hover_text("Use the default accuracy").clicked() {
             annotation = own;
         }
     });

@@ -9,6 +9,7 @@ use egui::{Color32, Painter, Pos2, Rect, RichText, Shape, Stroke, Ui, Vec2};
 use crate::annotate::lens;
 use crate::command::Command;
 use crate::icons::{self, Icon};
+use crate::keys;
 use crate::state::App;
 use crate::theme;
 use crate::widgets::heading;
@@ -175,7 +176,7 @@ pub(crate) fn steps_ui(app: &mut App, ui: &mut Ui) {
     let point_tool = TOOLS.iter().position(|tool| tool.title == "Control point");
     if let Some(tool) = point_tool.filter(|_| is_blank && app.editor.session().site.plan.is_some())
         && ui
-            .button("Click control points   C")
+            .button(keys::shown(ui.ctx(), "Click control points   C"))
             .on_hover_text("Click a point in the image, then the same point on the plan. Four points calibrate a camera without lines.")
             .clicked()
     {
@@ -186,14 +187,14 @@ pub(crate) fn steps_ui(app: &mut App, ui: &mut Ui) {
     if is_blank
         && waits
         && ui
-            .button("Propose lines   Shift+P")
+            .button(keys::shown(ui.ctx(), "Propose lines   Shift+P"))
             .on_hover_text("Detect lines from the edges in the image")
             .clicked()
     {
         app.send_command(Command::Propose);
     }
     if waits && app.blank_cameras().nth(1).is_some() {
-        let button = ui.button("Calibrate all images   Shift+A");
+        let button = ui.button(keys::shown(ui.ctx(), "Calibrate all images   Shift+A"));
         let tip = "Calibrate every image without lines, and place the cameras relative to each other";
         if button.on_hover_text(tip).clicked() {
             app.send_command(Command::CalibrateAll);

@@ -8,6 +8,7 @@ use egui::{Color32, CursorIcon, Painter, Rect, RichText, Role, Sense, Slider, Te
 use crate::canvas::Mapping;
 use crate::command::Command;
 use crate::icons::{self, Icon};
+use crate::keys;
 use crate::overlay::right_of;
 use crate::paint::{Pen, line};
 use crate::platform::{Here, Platform as _};
@@ -105,14 +106,15 @@ pub(crate) fn compare_ui(app: &mut App, ui: &mut Ui) {
             if newer.has_moved() {
                 let tip = "Transfer the annotations to the newer image and calibrate the camera from them. \
                            The old calibration ends when the new one begins";
-                if ui.button("Recover   Shift+R").on_hover_text(tip).clicked() {
+                if ui.button(keys::shown(ui.ctx(), "Recover   Shift+R")).on_hover_text(tip).clicked() {
                     app.send_command(Command::Recover);
                 }
             }
             // The newer image must not change during the recovery.
             let waits = "The recovery uses this image. Cancel the recovery first.";
             let button = egui::Button::new("Discard");
-            if ui.add_enabled(!is_held, button).on_disabled_hover_text(waits).clicked() {
+            let tip = "Remove the newer image; the calibration stays";
+            if ui.add_enabled(!is_held, button).on_hover_text(tip).on_disabled_hover_text(waits).clicked() {
                 app.send_command(Command::DismissNewer);
             }
         });

@@ -6,6 +6,7 @@ use egui::{Align2, RichText, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::command::Command;
 use crate::icons::{self, Icon};
+use crate::keys;
 use crate::paint::chip;
 use crate::state::App;
 use crate::theme;
@@ -134,8 +135,9 @@ fn disagreement_ui(app: &mut App, ui: &mut Ui, worst: &Agreement) {
                            or link another corner that both see.";
                 ui.label(RichText::new(way).color(palette.text2));
                 ui.horizontal(|ui| {
-                    shows = ui.button("Show").clicked();
-                    links = ui.button("Link   K").clicked();
+                    shows = ui.button("Show").on_hover_text("Select the link with the largest gap").clicked();
+                    let button = ui.button(keys::shown(ui.ctx(), "Link   K"));
+                    links = button.on_hover_text("Click a point that both cameras see").clicked();
                 });
             });
         });

@@ -10,6 +10,7 @@ use egui::{ComboBox, Frame, Margin, RichText, Ui, Vec2};
 use crate::annotate::result::{TAPE, empty_field, known_fields};
 use crate::command::Command;
 use crate::icons::{self, Icon, Look};
+use crate::plan::placement::REFINE_TIP;
 use crate::state::App;
 use crate::theme;
 use crate::widgets::{heading, length_field};
@@ -35,7 +36,7 @@ pub(crate) fn compared(app: &mut App, ui: &mut Ui) {
             ui.label(RichText::new(text).color(palette.text2));
         });
     }
-    if ui.button("Done").clicked() {
+    if ui.button("Done").on_hover_text("End the comparison").clicked() {
         app.send(Action::Compare(None));
     }
 }
@@ -79,10 +80,14 @@ pub(crate) fn agreement(app: &mut App, ui: &mut Ui) {
     let mut chosen = None;
     ui.horizontal(|ui| {
         let text = RichText::new("Refine all").color(palette.bg).font(theme::medium(12.0));
-        if ui.add(egui::Button::new(text).fill(palette.accent)).clicked() {
+        if ui.add(egui::Button::new(text).fill(palette.accent)).on_hover_text(REFINE_TIP).clicked() {
             chosen = Some(Command::Refine);
         }
-        if app.editor.session().live.before_refine.is_some() && ui.button("Show the earlier poses").clicked()
+        if app.editor.session().live.before_refine.is_some()
+            && ui
+                .button("Show the earlier poses")
+                .on_hover_text("Show or hide the poses before the last joint solve")
+                .clicked()
         {
             chosen = Some(Command::CompareBefore);
         }
@@ -239,7 +244,7 @@ pub(crate) fn out_of_date_ui(app: &mut App, ui: &mut Ui) {
         ui.set_width(ui.available_width());
         let what = "The site has changed since the cameras were refined.";
         ui.label(RichText::new(what).color(palette.warn));
-        again = ui.button("Refine all again").clicked();
+        again = ui.button("Refine all again").on_hover_text(REFINE_TIP).clicked();
     });
     if again {
         app.send_command(Command::Refine);

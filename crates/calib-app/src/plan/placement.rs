@@ -166,16 +166,24 @@ fn from_stage_1(app: &mut App, ui: &mut Ui) {
     }
 }
 
+/// Tooltip of the buttons that refine all cameras.
+pub(crate) const REFINE_TIP: &str = "Solve all cameras together, from their lines, links and points";
+
 fn buttons(app: &mut App, ui: &mut Ui, fixed: bool) {
     let mut chosen = None;
     ui.horizontal(|ui| {
-        if ui.button(if fixed { "Unfix" } else { "Fix here" }).clicked() {
+        let (text, tip) = if fixed {
+            ("Unfix", "Let the joint solve move this camera")
+        } else {
+            ("Fix here", "Keep this position and direction in the joint solve")
+        };
+        if ui.button(text).on_hover_text(tip).clicked() {
             chosen = Some(Command::FixPlacement);
         }
-        if ui.button("Remove").clicked() {
+        if ui.button("Remove").on_hover_text("Remove the placement; the lines stay").clicked() {
             chosen = Some(Command::ResetPlacement);
         }
-        if ui.button("Refine all").clicked() {
+        if ui.button("Refine all").on_hover_text(REFINE_TIP).clicked() {
             chosen = Some(Command::Refine);
         }
     });
@@ -290,7 +298,7 @@ fn scale_fields(app: &mut App, ui: &mut Ui) {
                 plan.metres_per_px = metres / px;
                 changed = Some("set the scale of the plan");
             }
-            if ui.button("Done").clicked() {
+            if ui.button("Done").on_hover_text("Forget the two points").clicked() {
                 app.send(Action::ClearMeasurement);
             }
         });

@@ -232,7 +232,7 @@ fn region_buttons(app: &mut App, ui: &mut Ui, index: usize, plane: &PlaneEntry) 
         {
             asked = Some(PlaneAction::SetRegionFromField(index));
         }
-        if corners > 0 && ui.button("Clear").clicked() {
+        if corners > 0 && ui.button("Clear").on_hover_text("Remove the region").clicked() {
             let bare = PlaneEntry { region: Vec::new(), ..plane.clone() };
             let name = format!("clear the region of {}", plane.id);
             asked = Some(PlaneAction::Set { index, plane: Box::new(bare), name });

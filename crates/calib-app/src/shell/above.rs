@@ -11,6 +11,7 @@ use egui::{Align2, Color32, Painter, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 use crate::canvas::{Mapping, View};
 use crate::command::Command;
 use crate::icons::{self, Icon, Look};
+use crate::keys;
 use crate::paint::{Pen, line};
 use crate::picture::Picture;
 use crate::plan::floor::paint_grid;
@@ -30,7 +31,9 @@ pub fn above_ui(app: &mut App, ui: &mut Ui) {
         ui.label(egui::RichText::new("Top view").font(theme::medium(12.0)));
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             let look = Look { size: Vec2::splat(20.0), ..Look::default() };
-            hide = icons::button(ui, Icon::Close, "Hide the top view", "Hide (Y)", look).clicked();
+            hide =
+                icons::button(ui, Icon::Close, "Hide the top view", keys::shown(ui.ctx(), "Hide (Y)"), look)
+                    .clicked();
         });
     });
     let rect = ui.available_rect_before_wrap().with_max_y(ui.max_rect().bottom() - 20.0);

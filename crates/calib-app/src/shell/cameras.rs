@@ -267,7 +267,12 @@ pub(crate) fn offer(app: &mut App, ui: &mut Ui, rect: Rect, is_tall: bool) {
             ui.horizontal_centered(|ui| {
                 ui.label(RichText::new(text).color(palette.warn));
                 ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                    if is_tall && ui.button("Compare them").clicked() {
+                    if is_tall
+                        && ui
+                            .button("Compare them")
+                            .on_hover_text("Show two of these cameras side by side")
+                            .clicked()
+                    {
                         app.view.compares_views = true;
                     }
                 });

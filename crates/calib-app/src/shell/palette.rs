@@ -105,9 +105,10 @@ fn commands(app: &mut App, ctx: &Context) {
             ui.separator();
             ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
                 for (i, row) in rows.iter().enumerate() {
-                    let keys = row.keys.map_or_else(String::new, |keys| {
-                        shortcut_text(ui, keys::shortcut(row.command, keys))
-                    });
+                    let keys =
+                        row.keys.filter(|_| keys::are_shown(ui.ctx())).map_or_else(String::new, |keys| {
+                            shortcut_text(ui, keys::shortcut(row.command, keys))
+                        });
                     let lit = i == app.dialogs.palette.row;
                     let button = egui::Button::new(app.editor.command_text(row.command))
                         .selected(lit)

@@ -29,8 +29,9 @@ pub(crate) fn status_ui(app: &mut App, ui: &mut Ui) {
             _ if app.view.layers.hidden && app.editor.tool().is_idle() => {
                 "The overlay is hidden. Press H to show it.".into()
             }
-            _ => proposal_hint(app).unwrap_or_else(|| app.editor.tool().hint(app.editor.session())),
+            _ => proposal_hint(app, ui).unwrap_or_else(|| app.editor.tool().hint(app.editor.session())),
         };
+        let hint = keys::shown_hint(ui.ctx(), &hint).to_owned();
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
             let is_narrow = ui.ctx().content_rect().width() < crate::widgets::NARROW;
             state(app, ui, &mut stop);
@@ -44,14 +45,14 @@ pub(crate) fn status_ui(app: &mut App, ui: &mut Ui) {
             });
         });
     });
-    if stop {
     result_region(app, ui);
+    if stop {
         app.stop_work();
     }
 }
 
 /// Returns the hint for the keys that accept or discard the automatic calibration.
-fn proposal_hint(app: &App) -> Option<String> {
+fn proposal_hint(app: &App, ui: &Ui) -> Option<String> {
     let proposed =
         app.shown_proposal().filter(|_| app.editor.tool_row() == 0 && app.editor.tool().is_idle())?;
     let picked = app.editor.session().picked_line().and_then(|(group, _)| proposed.groups.get(group));
@@ -67,6 +68,9 @@ fn proposal_hint(app: &App) -> Option<String> {
         None if proposed.confidence == Confidence::None => "Press Esc to discard the detected lines.".into(),
         None => {
             let lines = counted(proposed.count(), "line", "lines");
+            if !keys::are_shown(ui.ctx()) {
+                return Some(format!("{lines} detected. Accept or discard them in the panel."));
+            }
             format!(
                 "{lines} detected. Press Enter to accept all, Esc to discard all, or click one to select it."
             )
@@ -286,6 +290,7 @@ fn tools(app: &App, ui: &mut Ui, height: f32, chosen: &mut Option<usize>) {
         };
         let label = format!("{} tool", row.title);
         let key = row.key.map_or("", calib_editor::Key::name);
+        let key = if keys::are_shown(ui.ctx()) { key } else { "" };
         let tip = if key.is_empty() { row.title.into() } else { format!("{}  ({key})", row.title) };
         let response = icons::button(ui, row.icon.into(), &label, &tip, look);
         let corner = response.rect.right_bottom() - Vec2::new(2.0, 1.0);

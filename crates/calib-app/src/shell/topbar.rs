@@ -5,6 +5,7 @@ use egui::{Align, Button, Layout, RichText, Ui, Vec2};
 use crate::command::Command;
 use crate::handles::grouped_rows;
 use crate::icons::{self, Icon, Look};
+use crate::keys;
 use crate::state::{App, Mode};
 use crate::theme;
 
@@ -26,12 +27,12 @@ const MENU: &[&[Command]] = &[
     &[Command::Shortcuts, Command::About],
 ];
 
-/// Buttons of the views: mode, command, icon and label.
-const VIEWS: [(Mode, Command, Icon, &str); 4] = [
-    (Mode::Image, Command::ViewImage, Icon::Image, "Image"),
-    (Mode::Plan, Command::ViewPlan, Icon::Plan, "Plan"),
-    (Mode::All, Command::ViewAll, Icon::All, "All cameras"),
-    (Mode::Scene, Command::ViewScene, Icon::Scene, "Scene"),
+/// Buttons of the views: mode, command, icon, label and tooltip.
+const VIEWS: [(Mode, Command, Icon, &str, &str); 4] = [
+    (Mode::Image, Command::ViewImage, Icon::Image, "Image", "The image of one camera"),
+    (Mode::Plan, Command::ViewPlan, Icon::Plan, "Plan", "The floor plan, to place cameras"),
+    (Mode::All, Command::ViewAll, Icon::All, "All cameras", "The images of all cameras and the plan"),
+    (Mode::Scene, Command::ViewScene, Icon::Scene, "Scene", "All cameras in 3-D"),
 ];
 
 /// Shows the top bar.
@@ -95,11 +96,12 @@ fn title(app: &App, ui: &mut Ui) {
 fn views(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
     let palette = theme::palette(ui.ctx());
     ui.spacing_mut().item_spacing.x = 4.0;
-    for (i, (mode, command, icon, title)) in VIEWS.into_iter().enumerate() {
+    for (i, (mode, command, icon, title, tip)) in VIEWS.into_iter().enumerate() {
         let is_on = app.view.mode == mode;
         // In a narrow window the buttons have icons only.
         let phone = ui.ctx().content_rect().width() < crate::widgets::NARROW;
-        let text = if phone { "     ".into() } else { format!("      {title}   {}", i + 1) };
+        let key = if keys::are_shown(ui.ctx()) { (i + 1).to_string() } else { String::new() };
+        let text = if phone { "     ".into() } else { format!("      {title}   {key}") };
         let text = RichText::new(text);
         let text = text.color(if is_on { palette.text } else { palette.text2 });
         let fill = if is_on { palette.raised } else { palette.panel };
@@ -116,7 +118,8 @@ fn views(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
         response.widget_info(|| {
             egui::WidgetInfo::selected(egui::Role::Button, true, is_on, format!("View {title}"))
         });
-        if response.clicked() {
+        let tip = format!("{tip} ({})", i + 1);
+        if response.on_hover_text(keys::shown(ui.ctx(), &tip)).clicked() {
             *chosen = Some(command);
         }
     }

@@ -171,8 +171,8 @@ fn header(app: &mut App, ui: &mut Ui, rect: Rect, title: &str, switches: &[Comma
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             ui.spacing_mut().item_spacing.x = 4.0;
             for &switch in switches.iter().rev() {
-                let (word, is_on) = state(app, switch);
-                let response = ui.selectable_label(is_on, word);
+                let (word, is_on, tip) = state(app, switch);
+                let response = ui.selectable_label(is_on, word).on_hover_text(tip);
                 if response.clicked() {
                     chosen = Some(switch);
                 }
@@ -184,22 +184,34 @@ fn header(app: &mut App, ui: &mut Ui, rect: Rect, title: &str, switches: &[Comma
     }
 }
 
-/// Returns the label of a switch, and whether it is on.
-const fn state(app: &App, command: Command) -> (&'static str, bool) {
+/// Returns the label of a switch, whether it is on, and its tooltip.
+const fn state(app: &App, command: Command) -> (&'static str, bool, &'static str) {
     match command {
-        Command::Grid => ("Grid", app.view.layers.grid),
-        Command::Horizon => ("Horizon", app.view.layers.horizon),
-        Command::Field => ("Field", app.view.layers.field),
-        Command::Prism => ("Prism", app.view.layers.prism),
-        Command::Guide => ("Guide", app.view.layers.guide),
-        Command::Straighten => ("Straighten", app.view.layers.straight),
-        Command::NextWindow => ("Window", !matches!(app.view.looking, Looking::Whole)),
-        Command::Snap => ("Snap", app.editor.session().tool.snap),
-        Command::ColourByResidual => ("Colour by error", app.view.layers.by_residual),
-        Command::Coverage => ("Coverage", app.view.coverage),
-        Command::Blend => ("All images", app.view.blend),
-        Command::Magnify => ("Ellipses \u{d7}10", app.view.magnified),
-        _ => ("", false),
+        Command::Grid => ("Grid", app.view.layers.grid, "Square grid on the floor"),
+        Command::Horizon => {
+            ("Horizon", app.view.layers.horizon, "Horizon and vanishing points of the camera")
+        }
+        Command::Field => ("Field", app.view.layers.field, "Floor area that the camera should cover"),
+        Command::Prism => {
+            ("Prism", app.view.layers.prism, "Vertical walls on the border of the field of view")
+        }
+        Command::Guide => ("Guide", app.view.layers.guide, "A person of 1.75 m at the pointer"),
+        Command::Straighten => ("Straighten", app.view.layers.straight, "Image without its distortion"),
+        Command::NextWindow => (
+            "Window",
+            !matches!(app.view.looking, Looking::Whole),
+            "Next undistorted part of the fisheye image",
+        ),
+        Command::Snap => ("Snap", app.editor.session().tool.snap, "Drags snap to round positions and angles"),
+        Command::ColourByResidual => {
+            ("Colour by error", app.view.layers.by_residual, "Colour lines by their residual, not by kind")
+        }
+        Command::Coverage => ("Coverage", app.view.coverage, "Pixel density on the floor"),
+        Command::Blend => ("All images", app.view.blend, "Project the images of all cameras onto the floor"),
+        Command::Magnify => {
+            ("Ellipses \u{d7}10", app.view.magnified, "Draw uncertainty ellipses 10 times larger")
+        }
+        _ => ("", false, ""),
     }
 }
 

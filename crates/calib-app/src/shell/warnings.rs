@@ -119,11 +119,15 @@ fn rejected_observations(app: &App) -> Vec<(Warning, Part)> {
 /// Shows the buttons for a rejected observation.
 fn part_buttons(ui: &mut Ui, part: Part, request: &mut Option<WarningAction>) {
     ui.horizontal_wrapped(|ui| {
-        if ui.button("Show").clicked() {
+        if ui.button("Show").on_hover_text("Zoom to the item").clicked() {
             *request = Some(WarningAction::Show(Location::Part(part)));
         }
-        for (text, command) in [("Use anyway", Command::UseAnyway), ("Delete", Command::Delete)] {
-            if ui.button(text).clicked() {
+        let buttons = [
+            ("Use anyway", Command::UseAnyway, "Use the item although it does not fit the others"),
+            ("Delete", Command::Delete, "Delete the item"),
+        ];
+        for (text, command, tip) in buttons {
+            if ui.button(text).on_hover_text(tip).clicked() {
                 *request = Some(WarningAction::OnPart(command, part));
             }
         }
@@ -259,7 +263,7 @@ fn buttons(app: &App, ui: &mut Ui, warning: &Warning, request: &mut Option<Warni
                     ("Another suggestion   Shift+N", Command::DismissSuggestion),
                 ];
                 for (text, command) in buttons {
-                    if ui.button(text).clicked() {
+                    if ui.button(keys::shown(ui.ctx(), text)).clicked() {
                         *request = Some(WarningAction::Run(command));
                     }
                 }
