@@ -108,8 +108,8 @@ fn open_demonstration(app: &mut App, with_tour: bool) {
     }
     app.open_site(site, images, None);
     if with_tour {
-        let marks = app.editor.site().marks.clone();
-        app.tour = Tour::begun(truth, marks);
+        let (marks, links) = (app.editor.site().marks.clone(), app.editor.site().links.len());
+        app.tour = Tour::begun(truth, marks, links);
     }
 }
 

@@ -48,7 +48,7 @@ const CHOICES: [(&str, Command, &str); 4] = [
     ("Add images\u{2026}", Command::AddImages, "one per camera"),
     ("Open\u{2026}", Command::Open, "a site, images, a plan, a calibration"),
     ("Open the demonstration site", Command::Demo, "six cameras"),
-    ("Start the tour", Command::Tour, "five steps, ten minutes"),
+    ("Start the tour", Command::Tour, "nine steps, ten minutes"),
 ];
 
 const HINT: &str = "Or drop files here.";

@@ -3,13 +3,15 @@
 use egui::{Frame, Margin, Panel, RichText, Ui};
 
 use crate::command::Command;
+use crate::keys;
 use crate::state::{App, STEPS};
 use crate::theme;
 
 /// Shows the current step of the tour; after the last step, the instructions for one's own images.
 pub(super) fn tour_ui(app: &mut App, ui: &mut Ui) {
     let Some(index) = app.tour.step else { return };
-    let open = app.tour.open(app.editor.session(), app.view.mode);
+    let has_exported = app.dialogs.export.made.as_ref().is_some_and(Result::is_ok);
+    let open = app.tour.open(app.editor.session(), app.view.mode, has_exported);
     if open.is_none() && index < STEPS.len() && app.editor.tool().is_idle() {
         app.tour.step = Some(index + 1);
         ui.ctx().request_repaint();
@@ -48,15 +50,16 @@ fn step(app: &App, ui: &mut Ui, index: usize, open: &str) -> Option<StripRequest
     ui.add(egui::Label::new(RichText::new(step.text).color(palette.text2)).wrap());
     ui.horizontal_wrapped(|ui| {
         for (text, button) in step.buttons {
-            let text = RichText::new(*text).font(theme::medium(12.0)).color(palette.bg);
+            let text = keys::shown(ui.ctx(), text);
+            let text = RichText::new(text).font(theme::medium(12.0)).color(palette.bg);
             if ui.add(egui::Button::new(text).fill(palette.accent)).clicked() {
                 request = Some(StripRequest::Run(button.command()));
             }
         }
-        if ui.button("Skip this step").clicked() {
+        if ui.button("Skip this step").on_hover_text("Continue without this task").clicked() {
             request = Some(StripRequest::Skip);
         }
-        if ui.button("End the tour").clicked() {
+        if ui.button("End the tour").on_hover_text("Close this strip and keep the demonstration").clicked() {
             request = Some(StripRequest::End);
         }
     });

@@ -2,7 +2,7 @@
 
 use calib_core::{Camera, Kind, Pixel};
 
-use calib_editor::{Command, Session, StatusLevel, TOOLS, camera_status};
+use calib_editor::{Command, Session, StatusLevel, TOOLS, agreements, camera_status};
 use calib_site::{Mark, Stage};
 
 use crate::state::Mode;
@@ -15,6 +15,8 @@ pub struct Tour {
     truth: Option<Camera>,
     /// Marks at the start of the tour.
     marks: Vec<Mark>,
+    /// Number of links at the start of the tour.
+    links: usize,
 }
 
 /// Step of the tour.
@@ -51,7 +53,7 @@ impl TourButton {
 }
 
 /// Steps of the tour in their order.
-pub const STEPS: [TourStep; 5] = [
+pub const STEPS: [TourStep; 9] = [
     TourStep {
         title: "Draw two vertical lines",
         text: "Drag along two vertical edges that are far apart, such as the edges of columns or the fridge. \
@@ -74,9 +76,31 @@ pub const STEPS: [TourStep; 5] = [
         buttons: &[("Field of view tool (F)", TourButton::Tool("Field of view"))],
     },
     TourStep {
+        title: "Enter a known length",
+        text: "Drag along joints of the tiles that are far apart, for example over five tiles. Type the length in \
+               the panel Lines: one tile is 0.6 m. The scale of the camera follows from it.",
+        buttons: &[("Known length tool (L)", TourButton::Tool("Known length"))],
+    },
+    TourStep {
         title: "Place the camera on the plan",
-        text: "Drag the white dot to the camera's position. Rotate with the ring and scale with the square until the image matches the plan.",
+        text: "Drag the white dot to the camera's position. Rotate with the ring until the image matches the plan. The \
+               square changes the scale.",
         buttons: &[("Plan (2)", TourButton::Command(Command::ViewPlan))],
+    },
+    TourStep {
+        title: "Link a point that two views show",
+        text: "Click a sharp point in the first view, such as a corner of a tile. Then click the same point in \
+               another view, on the yellow line.",
+        buttons: &[
+            ("All cameras (3)", TourButton::Command(Command::ViewAll)),
+            ("Link tool (K)", TourButton::Tool("Link")),
+        ],
+    },
+    TourStep {
+        title: "Refine all cameras",
+        text: "The program solves all cameras together, from their lines and links. Then no camera may be red, and all \
+               must agree about the floor.",
+        buttons: &[("Refine all (F9)", TourButton::Command(Command::Refine))],
     },
     TourStep {
         title: "Check the result in every view",
@@ -86,13 +110,19 @@ pub const STEPS: [TourStep; 5] = [
             ("Select tool (Q)", TourButton::Tool("Select")),
         ],
     },
+    TourStep {
+        title: "Export the cameras",
+        text: "Choose a format. The sheet shows the files, and what the format loses. You can close it without \
+               saving.",
+        buttons: &[("Export for other programs\u{2026}", TourButton::Command(Command::Export))],
+    },
 ];
 
 impl Tour {
     /// Creates a tour at its first step; `truth` is the true pose of the first camera.
     #[must_use]
-    pub const fn begun(truth: Option<Camera>, marks: Vec<Mark>) -> Self {
-        Self { step: Some(0), truth, marks }
+    pub const fn begun(truth: Option<Camera>, marks: Vec<Mark>, links: usize) -> Self {
+        Self { step: Some(0), truth, marks, links }
     }
 
     /// Returns the current step; `None` without a tour and after the last step.
@@ -101,15 +131,20 @@ impl Tour {
         STEPS.get(self.step?)
     }
 
-    /// Returns the missing part of the current step as a sentence; `None` once the step is done.
+    /// Returns the missing part of the current step as a sentence; `None` once the step is done. `has_exported` is
+    /// whether the export sheet shows files.
     #[must_use]
-    pub(crate) fn open(&self, session: &Session, mode: Mode) -> Option<String> {
+    pub(crate) fn open(&self, session: &Session, mode: Mode, has_exported: bool) -> Option<String> {
         match self.step? {
             0 => self.missing_verticals(session),
             1 => self.floor_lines(session),
             2 => field(session),
-            3 => self.placed(session),
-            _ => self.checked(session, mode),
+            3 => self.scaled(session),
+            4 => self.placed(session),
+            5 => self.linked(session),
+            6 => refined(session),
+            7 => contradiction(session).or_else(|| self.checked(session, mode)),
+            _ => (!has_exported).then(|| "Press Export for other programs.".into()),
         }
     }
 
@@ -154,6 +189,33 @@ impl Tour {
         })
     }
 
+    fn scaled(&self, session: &Session) -> Option<String> {
+        let entry = session.entry()?;
+        let known = entry.annotations.iter().rfind(|drawn| drawn.kind == Kind::KnownLength);
+        let Some(known) = known else { return Some("No line of known length yet.".into()) };
+        let Some(length) = known.length_m.filter(|_| !known.off) else {
+            return Some("Type the length of the line in the panel Lines.".into());
+        };
+        let line = known.polylines().next().unwrap_or_default();
+        let on_floor = |pixel: &Pixel| self.truth?.pixel_to_floor(*pixel, 0.0);
+        let real =
+            line.first().and_then(on_floor).zip(line.last().and_then(on_floor)).map(|(a, b)| a.distance(b));
+        let is_right = real.is_none_or(|real| (length / real).ln().abs() < MAX_LENGTH_ERROR);
+        (!is_right)
+            .then(|| "The length does not fit the line. Count the tiles again: one tile is 0.6 m.".into())
+    }
+
+    fn linked(&self, session: &Session) -> Option<String> {
+        let first = session.site.cameras.first()?;
+        let new = session.site.links.iter().skip(self.links);
+        let views = new.filter(|link| link.seen.iter().any(|seen| seen.camera == first.id));
+        match views.map(|link| link.seen.len()).max() {
+            Some(2..) => None,
+            Some(_) => Some("Now click the same point in another view.".into()),
+            None => Some(format!("No new link in {} yet.", first.id)),
+        }
+    }
+
     fn placed(&self, session: &Session) -> Option<String> {
         let solution = session.solution()?;
         if solution.stage < Stage::Placed {
@@ -181,6 +243,43 @@ impl Tour {
             _ => Some("Press All cameras.".into()),
         }
     }
+}
+
+/// Largest relative error of a length that the newcomer enters.
+const MAX_LENGTH_ERROR: f64 = 0.05;
+
+/// Largest RMS distance between the positions of a link according to two cameras, in metres.
+const MAX_GAP_M: f64 = 0.3;
+
+/// Returns the reason why the refinement is missing or wrong.
+fn refined(session: &Session) -> Option<String> {
+    let is_refined = session.solved.solution(0).is_some_and(|solution| solution.stage == Stage::Refined);
+    if !is_refined || session.solved.is_joint_out_of_date() {
+        return Some("Press Refine all.".into());
+    }
+    contradiction(session)
+}
+
+/// Returns a sentence about a camera that contradicts its annotations or the other cameras.
+fn contradiction(session: &Session) -> Option<String> {
+    for (index, camera) in session.site.cameras.iter().enumerate() {
+        if camera_status(session, index).level == StatusLevel::Contradictory {
+            return Some(format!(
+                "{} is red. Undo the wrong line or link (Ctrl+Z), then draw it again.",
+                camera.id
+            ));
+        }
+        let apart = agreements(session, index, &[]).into_iter().filter_map(|found| {
+            let apart = found.distance?.metres;
+            (apart > MAX_GAP_M).then_some((found.other, apart))
+        });
+        if let Some((other, apart)) = apart.max_by(|a, b| a.1.total_cmp(&b.1)) {
+            let other = &session.site.cameras.get(other)?.id;
+            let apart = session.site.units.short_length(apart);
+            return Some(format!("{} and {other} disagree by {apart}. Press Refine all (F9).", camera.id));
+        }
+    }
+    None
 }
 
 /// Returns the annotated lines of a kind on the current image, in pixels.
