@@ -15,6 +15,11 @@ pub(crate) const PHONE: f32 = 640.0;
 /// Window width below which the camera list is a rail and icons replace labels, in points.
 pub(crate) const NARROW: f32 = 1000.0;
 
+/// Gives a widget a description for screen readers, which is read after its name.
+pub(crate) fn describe(response: &Response, text: &str) {
+    response.ctx.accesskit_node_builder(response.id, |node| node.set_description(text));
+}
+
 /// Shows a section of a panel with a separator line below the section.
 pub fn section(ui: &mut Ui, contents: impl FnOnce(&mut Ui)) {
     let palette = theme::palette(ui.ctx());

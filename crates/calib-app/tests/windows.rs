@@ -131,6 +131,8 @@ fn tools_have_a_pressed_state_and_other_icon_buttons_have_none() {
     assert_eq!(state("Parallel tool"), Some(Toggled::False));
     assert_eq!(state("Pause solving"), Some(Toggled::False));
     assert_eq!(state("Menu"), None);
+    let about = desk.harness.get_by_label("Camera shop-1").accesskit_node().description();
+    assert!(about.is_some_and(|about| !about.is_empty()), "the status of a camera is read");
     assert_eq!(state("Add images"), None);
 }
 

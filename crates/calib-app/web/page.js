@@ -226,7 +226,7 @@
         element.onclick = () => { calib.queue.push({ click: node.id }); calib.wake(); };
         nodes.set(node.id, element);
       }
-      const attributes = { role: ROLES[node.role] ?? null, "aria-label": node.label, "aria-checked": node.role === "Button" ? null : node.checked, "aria-pressed": node.role === "Button" ? node.checked : null, "aria-live": node.live,
+      const attributes = { role: ROLES[node.role] ?? null, "aria-label": node.label, "aria-checked": node.role === "Button" ? null : node.checked, "aria-pressed": node.role === "Button" ? node.checked : null, "aria-live": node.live, "aria-description": node.description,
         "aria-disabled": node.disabled ? "true" : null, "aria-valuetext": node.value, "data-at": node.at };
       for (const [name, value] of Object.entries(attributes)) {
         if (value == null) element.removeAttribute(name);

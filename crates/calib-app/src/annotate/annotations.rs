@@ -13,7 +13,7 @@ use crate::icons::{self, Icon};
 use crate::keys;
 use crate::state::App;
 use crate::theme;
-use crate::widgets::{heading, length_field, number};
+use crate::widgets::{describe, heading, length_field, number};
 
 /// Choice of the operator in the menu of usual sizes.
 pub(crate) enum SizeChoice {
@@ -257,6 +257,10 @@ fn line_row(
     painter.text(egui::pos2(rect.left() + 24.0, y), Align2::LEFT_CENTER, &name, theme::medium(12.0), text);
     let length: f64 = line.points.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
     let about = if suspect { "rejected".to_owned() } else { format!("{length:.0} px") };
+    let px = residual
+        .as_ref()
+        .map_or_else(String::new, |residual| format!(", residual {:.1} px", residual.px.abs()));
+    describe(&response, &format!("{about}{px}"));
     painter.text(
         egui::pos2(rect.left() + 64.0, y),
         Align2::LEFT_CENTER,
@@ -265,20 +269,20 @@ fn line_row(
         palette.text3,
     );
     if let Some(residual) = residual {
-        let px = residual.px.abs();
-        bar(ui, rect, px / line.sigma);
-        let text = if px < 100.0 { format!("{px:.1}") } else { format!("{px:.0}") };
-        ui.painter().text(
-            egui::pos2(rect.right(), y),
-            Align2::RIGHT_CENTER,
-            text,
-            theme::regular(12.0),
-            palette.text,
-        );
+        residual_cell(ui, rect, residual.px.abs(), line.sigma);
     }
     if switch(ui, rect, &name, !line.off) {
         requests.push(RowRequest::Toggle(index));
     }
+}
+
+/// Paints a residual in pixels at the right end of a row, with its bar. `sigma` is the standard deviation of the line.
+fn residual_cell(ui: &Ui, rect: Rect, px: f64, sigma: f64) {
+    let palette = theme::palette(ui.ctx());
+    bar(ui, rect, px / sigma);
+    let text = if px < 100.0 { format!("{px:.1}") } else { format!("{px:.0}") };
+    let at = egui::pos2(rect.right(), rect.center().y);
+    ui.painter().text(at, Align2::RIGHT_CENTER, text, theme::regular(12.0), palette.text);
 }
 
 /// Whether a line of an annotation is selected.

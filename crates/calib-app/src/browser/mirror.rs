@@ -104,6 +104,7 @@ fn entry(id: NodeId, node: &Node, includes_rects: bool) -> Value {
         "value": value,
         "checked": checked,
         "live": live,
+        "description": node.description(),
         "disabled": node.is_disabled(),
         "at": at,
     })

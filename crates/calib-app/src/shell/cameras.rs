@@ -21,7 +21,7 @@ use crate::picture::{Piece, cropped};
 use crate::shell::above;
 use crate::state::{App, Mode, Order};
 use crate::theme::{self, Palette};
-use crate::widgets::number;
+use crate::widgets::{describe, number};
 
 /// Shows the camera list, or a narrow strip of thumbnails with `rail`.
 pub(crate) fn cameras_ui(app: &mut App, ui: &mut Ui, rail: bool) {
@@ -136,6 +136,7 @@ fn row(app: &mut App, ui: &mut Ui, camera: usize, rail: bool) -> bool {
     let is_own = camera == app.editor.session().camera;
     let label = format!("Camera {id}");
     response.widget_info(|| WidgetInfo::selected(Role::Button, true, is_own, &label));
+    describe(&response, &about(app, camera, palette).0);
     if !ui.is_rect_visible(rect) {
         return response.clicked();
     }
