@@ -246,11 +246,11 @@ impl Words {
     /// Reads the name of an axis: its index in [`FIELD_NAMES`].
     fn axis(&mut self) -> Option<usize> {
         let word = self.peek()?;
-        let is_name = |name: &&str| {
+        let is_name = |name: &str| {
             let short = &name[..1];
-            word == *name || word == short || word == format!("{short}fov") || word == &name[..4]
+            word == name || word == short || word == format!("{short}fov") || word == &name[..4]
         };
-        let axis = FIELD_NAMES.iter().position(|name| is_name(&name))?;
+        let axis = FIELD_NAMES.iter().position(|name| is_name(name))?;
         self.position += 1;
         Some(axis)
     }
