@@ -295,3 +295,134 @@ fn rational_and_thin_prism_terms_and_both_focal_lengths_are_read_and_written() {
     let refused = read("opencv", "a.json", &text).unwrap_err();
     assert!(refused.contains("tilted"), "{refused}");
 }
+
+#[test]
+fn lenses_of_other_programs_are_the_same_lens() {
+    let radtan = "\"k1\": -0.3, \"k2\": 0.1, \"p1\": 0.001, \"p2\": -0.002, \"k3\": 0.01";
+    let files = [
+        (
+            "opencv",
+            "a.json",
+            format!("{{\"fx\": 900, \"fy\": 900, \"cx\": 639.5, \"cy\": 359.5, \"width\": 1280, \"height\": 720, {radtan}}}"),
+        ),
+        (
+            "opencv",
+            "b.json",
+            format!("{{\"color\": {{\"fx\": 900, \"fy\": 900, \"ppx\": 639.5, \"ppy\": 359.5, \"width\": 1280, \"height\": 720, \"coeffs\": {D}}}}}"),
+        ),
+        (
+            "camodocal",
+            "c.yaml",
+            "%YAML:1.0\n---\nmodel_type: PINHOLE_FULL\ncamera_name: camera\nimage_width: 1280\nimage_height: 720\n\
+             distortion_parameters:\n   k1: -0.3\n   k2: 0.1\n   p1: 0.001\n   p2: -0.002\n   k3: 0.01\n\
+             projection_parameters:\n   fx: 900.\n   fy: 900.\n   cx: 639.5\n   cy: 359.5\n"
+                .into(),
+        ),
+        // OpenSfM's coordinates are relative to the image centre, in units of the longer side.
+        (
+            "opensfm",
+            "camera_models.json",
+            format!("{{\"cam\": {{\"projection_type\": \"brown\", \"width\": 1280, \"height\": 720, \"focal_x\": 0.703125, \"focal_y\": 0.703125, \"c_x\": 0.0, \"c_y\": 0.0, {radtan}}}}}"),
+        ),
+        // Metashape's P1 and P2 are OpenCV's p2 and p1.
+        (
+            "metashape",
+            "m.xml",
+            "<calibration><projection>frame</projection><width>1280</width><height>720</height><f>900</f><k1>-0.3</k1>\
+             <k2>0.1</k2><k3>0.01</k3><p1>-0.002</p1><p2>0.001</p2></calibration>"
+                .into(),
+        ),
+        // MATLAB's matrix is transposed, and its pixels count from 1.
+        (
+            "matlab",
+            "params.json",
+            "{\"RadialDistortion\": [-0.3, 0.1, 0.01], \"TangentialDistortion\": [0.001, -0.002], \"ImageSize\": [720, 1280], \
+             \"IntrinsicMatrix\": [[900, 0, 0], [0, 900, 0], [640.5, 360.5, 1]]}"
+                .into(),
+        ),
+        (
+            "basalt",
+            "calibration.json",
+            format!("{{\"value0\": {{\"intrinsics\": [{{\"camera_type\": \"pinhole-radtan8\", \"intrinsics\": {{\"fx\": 900, \"fy\": 900, \"cx\": 639.5, \"cy\": 359.5, {radtan}, \"k4\": 0, \"k5\": 0, \"k6\": 0}}}}], \"resolution\": [[1280, 720]]}}}}"),
+        ),
+    ];
+    for (kind, name, text) in files {
+        let imported = read(kind, name, &text).unwrap_or_else(|error| panic!("{kind} {name}: {error}"));
+        assert_eq!(imported.site.cameras.len(), 1, "{kind} {name}");
+        assert_is_the_lens(&imported.site.cameras[0], &format!("{kind} {name}"));
+    }
+}
+
+/// Checks the pixel of points in camera axes; `pixel` is the formula of the other program, with pixels from the corner.
+fn assert_maps_like(camera: &SiteCamera, pixel: impl Fn([f64; 3]) -> [f64; 2], what: &str) {
+    let lens = camera.lens();
+    for [x, y, z] in [[0.1, 0.2, 1.0], [-0.6, 0.3, 1.0], [0.9, -0.7, 1.0], [1.5, 0.4, 1.0]] {
+        let (cu, cv) = (lens.principal_point.u, lens.principal_point.v);
+        let straight = UndistortedPixel { u: cu + lens.focal * x / z, v: cv + lens.focal * y / z };
+        let (found, [u, v]) = (lens.distort(straight).unwrap(), pixel([x, y, z]));
+        assert!((found.u - u).hypot(found.v - v) < 1e-6, "{what}: {found:?}, expected {u} {v}");
+    }
+}
+
+#[test]
+fn wide_lenses_of_other_programs_map_by_their_formulas() {
+    let basalt = "{\"value0\": {\"intrinsics\": [{\"camera_type\": \"ds\", \"intrinsics\": {\"fx\": 350, \"fy\": 350, \"cx\": 511.5, \
+                  \"cy\": 383.5, \"xi\": -0.2, \"alpha\": 0.57}}, {\"camera_type\": \"ucm\", \"intrinsics\": {\"fx\": 350, \"fy\": 350, \
+                  \"cx\": 511.5, \"cy\": 383.5, \"alpha\": 0.6}}], \"resolution\": [[1024, 768], [1024, 768]]}}";
+    let cameras = read("basalt", "calibration.json", basalt).unwrap().site.cameras;
+    assert_eq!(cameras.iter().map(|camera| camera.id.as_str()).collect::<Vec<_>>(), ["cam0", "cam1"]);
+    let (xi, alpha) = (-0.2, 0.57);
+    let double_sphere = |[x, y, z]: [f64; 3]| {
+        let first = (x * x + y * y + z * z).sqrt();
+        let shifted = xi * first + z;
+        let depth = alpha * (x * x + y * y + shifted * shifted).sqrt() + (1.0 - alpha) * shifted;
+        [350.0 * x / depth + 512.0, 350.0 * y / depth + 384.0]
+    };
+    assert_maps_like(&cameras[0], double_sphere, "double sphere");
+    let unified = |[x, y, z]: [f64; 3]| {
+        let depth = 0.6 * (x * x + y * y + z * z).sqrt() + 0.4 * z;
+        [350.0 * x / depth + 512.0, 350.0 * y / depth + 384.0]
+    };
+    assert_maps_like(&cameras[1], unified, "unified");
+    let mei = "%YAML:1.0\n---\nmodel_type: MEI\nimage_width: 752\nimage_height: 480\nmirror_parameters:\n   xi: 1.2\n\
+               distortion_parameters:\n   k1: -0.1\n   k2: 0.02\n   p1: 0.001\n   p2: -0.002\nprojection_parameters:\n   \
+               gamma1: 990.0\n   gamma2: 990.0\n   u0: 375.5\n   v0: 239.5\n";
+    let camera = read("camodocal", "left.yaml", mei).unwrap().site.cameras.remove(0);
+    assert_eq!(camera.id, "left");
+    let mirror = |[x, y, z]: [f64; 3]| {
+        let depth = z + 1.2 * (x * x + y * y + z * z).sqrt();
+        let (x, y) = (x / depth, y / depth);
+        let r = x * x + y * y;
+        let radial = 1.0 + r * (-0.1 + r * 0.02);
+        let u = x * radial + 2.0 * 0.001 * x * y - 0.002 * (r + 2.0 * x * x);
+        let v = y * radial + 0.001 * (r + 2.0 * y * y) - 2.0 * 0.002 * x * y;
+        [990.0 * u + 376.0, 990.0 * v + 240.0]
+    };
+    assert_maps_like(&camera, mirror, "MEI");
+    let fisheye = "{\"c\": {\"projection_type\": \"fisheye\", \"width\": 1000, \"height\": 800, \"focal\": 0.4, \"k1\": -0.02, \"k2\": 0.003}}";
+    let camera = read("opensfm", "camera_models.json", fisheye).unwrap().site.cameras.remove(0);
+    let equidistant = |[x, y, z]: [f64; 3]| {
+        let r = x.hypot(y);
+        let angle = r.atan2(z);
+        let scale = angle * (1.0 + angle * angle * (-0.02 + 0.003 * angle * angle)) / r;
+        [400.0 * scale * x + 500.0, 400.0 * scale * y + 400.0]
+    };
+    assert_maps_like(&camera, equidistant, "OpenSfM fisheye");
+}
+
+#[test]
+fn unsupported_lenses_of_other_programs_are_refused_with_advice() {
+    let error = |kind: &str, name: &str, text: &str| read(kind, name, text).unwrap_err();
+    let scaramuzza =
+        "model_type: SCARAMUZZA\nimage_width: 752\nimage_height: 480\nprojection_parameters:\n   u0: 1.0\n";
+    assert!(error("camodocal", "a.yaml", scaramuzza).contains("ocamcalib"));
+    let spherical = "{\"c\": {\"projection_type\": \"spherical\", \"width\": 4096, \"height\": 2048}}";
+    assert!(error("opensfm", "a.json", spherical).contains("fisheye_opencv"));
+    let k4 = "<calibration><width>100</width><height>80</height><f>90</f><k4>0.1</k4></calibration>";
+    assert!(error("metashape", "a.xml", k4).contains("without this term"));
+    let bare = "<calibration><width>100</width><height>80</height></calibration>";
+    assert!(error("metashape", "a.xml", bare).contains("calibration/f"));
+    assert!(error("matlab", "a.json", "{\"ImageSize\": [720, 1280]}").contains("IntrinsicMatrix"));
+    let kb8 = "{\"value0\": {\"intrinsics\": [{\"camera_type\": \"fov\", \"intrinsics\": {\"fx\": 1}}], \"resolution\": [[10, 10]]}}";
+    assert!(error("basalt", "a.json", kb8).contains("kb4"));
+}

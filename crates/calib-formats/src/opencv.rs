@@ -10,7 +10,7 @@ use serde_json::{Map, Value, json};
 use crate::export::{Export, Scene};
 use crate::file::{File, FormatError, Problem, quoted};
 use crate::fisheye::{from_rodrigues, rodrigues};
-use crate::given::{Imported, ImportedCamera, intrinsics_from_matrix, site_with_notes};
+use crate::given::{Imported, ImportedCamera, Intrinsics, intrinsics_from_matrix, site_with_notes};
 use crate::input::Input;
 use crate::lens_keys::{Part, declares_fisheye, distortion, named_distortion, part_of_lens};
 use crate::tree::{Node, Syntax, digits, escaped, joined, pretty, quote};
@@ -136,10 +136,13 @@ fn cameras(file: &File, root: &Node) -> Result<Vec<ImportedCamera>, FormatError>
         lenses.entry(camera).or_default()[part as usize].get_or_insert(node);
     }
     if !lenses.values().any(|[matrix, _]| matrix.is_some()) {
+        if is_flat(root) {
+            return Ok(vec![camera(root, file.stem(), root)?]);
+        }
         let below = root.entries().into_iter().filter(|(_, node)| {
-            node.entries()
-                .iter()
-                .any(|(key, _)| part_of_lens(key).is_some_and(|(part, _)| part == Part::Matrix))
+            let names_matrix =
+                |(key, _): &(&str, Node)| part_of_lens(key).is_some_and(|(part, _)| part == Part::Matrix);
+            is_flat(node) || node.entries().iter().any(names_matrix)
         });
         let below: Result<Vec<_>, _> = below.map(|(key, node)| camera(&node, key, root)).collect();
         let below = below?;
@@ -190,10 +193,11 @@ fn camera(node: &Node, id: &str, root: &Node) -> Result<ImportedCamera, FormatEr
     };
     let matrix = match find(Part::Matrix) {
         Some(matrix) => matrix,
+        None if is_flat(node) => node.clone(),
         None => node.require(&["camera_matrix"])?,
     };
     let name = node.first_of(&["camera_name", "name"]).and_then(|name| name.text().ok());
-    let terms = find(Part::Distortion).or_else(of_file);
+    let terms = find(Part::Distortion).or_else(|| node.get("coeffs")).or_else(of_file);
     let mut given = lens(name.unwrap_or(id), [node, root], &matrix, terms.as_ref())?;
     if let (Some(r), Some(t)) =
         (node.first_of(&["rvec", "R", "rotation"]), node.first_of(&["tvec", "T", "t"]))
@@ -212,8 +216,11 @@ fn lens(
     matrix: &Node,
     terms: Option<&Node>,
 ) -> Result<ImportedCamera, FormatError> {
-    let intrinsics = intrinsics_from_matrix(&matrix.matrix()?, matrix.place())?.with_corner_origin();
-    let mut given = ImportedCamera::new(id, matrix.place(), intrinsics);
+    let intrinsics = match is_flat(matrix) {
+        true => flat_intrinsics(matrix)?,
+        false => intrinsics_from_matrix(&matrix.matrix()?, matrix.place())?,
+    };
+    let mut given = ImportedCamera::new(id, matrix.place(), intrinsics.with_corner_origin());
     let [own, root] = levels;
     given.size = size(own)?.map_or_else(|| size(root), |size| Ok(Some(size)))?;
     let fisheye = declares_fisheye(own)? | declares_fisheye(root)?;
@@ -222,6 +229,23 @@ fn lens(
         None => named_distortion(levels, fisheye)?,
     };
     Ok(given)
+}
+
+/// Keys of the focal length in x and the principal point, if they are separate numbers.
+const FLAT_KEYS: [&[&str]; 3] = [&["fx", "f", "focal"], &["cx", "ppx"], &["cy", "ppy"]];
+
+/// Whether an object contains the intrinsic parameters as separate numbers.
+fn is_flat(node: &Node) -> bool {
+    FLAT_KEYS.iter().all(|keys| node.first_of(keys).is_some_and(|value| value.is_number()))
+}
+
+/// Reads intrinsic parameters that are separate numbers, such as `fx`, `fy`, `cx` and `cy`.
+fn flat_intrinsics(node: &Node) -> Result<Intrinsics, FormatError> {
+    let number = |keys: &[&str]| node.require(keys)?.number();
+    let [fx, cx, cy] = [number(FLAT_KEYS[0])?, number(FLAT_KEYS[1])?, number(FLAT_KEYS[2])?];
+    let fy = node.get("fy").map_or(Ok(fx), |fy| fy.number())?;
+    let skew = node.get("skew").map_or(Ok(0.0), |skew| skew.number())?;
+    Ok(Intrinsics { k: [fx, fy, cx, cy], skew })
 }
 
 fn size(root: &Node) -> Result<Option<[u32; 2]>, FormatError> {

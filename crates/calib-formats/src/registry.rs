@@ -8,8 +8,9 @@ use crate::given::Imported;
 use crate::input::Input;
 use crate::planes::PlaneTreatment;
 use crate::{
-    blender, caliscope, colmap, frigate, fspy, geojson, ground_points, kalibr, nerfstudio, nvdsanalytics,
-    nvidia, ocamcalib, opencv, ros, scenescape, sql, svg, table, wildtrack, worldfile,
+    basalt, blender, caliscope, camodocal, colmap, frigate, fspy, geojson, ground_points, kalibr, matlab,
+    metashape, nerfstudio, nvdsanalytics, nvidia, ocamcalib, opencv, opensfm, ros, scenescape, sql, svg,
+    table, wildtrack, worldfile,
 };
 
 type Write = fn(&Scene, &mut Export);
@@ -115,6 +116,8 @@ impl Format {
 const CORNER: &str = "corner";
 /// Pixel origin at the centre of the first pixel: our coordinates minus 0.5.
 const CENTRE: &str = "centre of the first pixel";
+/// Pixel origin one pixel before the centre of the first pixel: our coordinates plus 0.5.
+const CENTRE_ONE: &str = "centre of the first pixel is (1, 1)";
 /// Axes and pose direction of `OpenCV`.
 const OPENCV: &str = "world z up; camera right, down, forward; world to camera";
 /// Axes and pose direction of OpenGL.
@@ -420,6 +423,81 @@ pub const FORMATS: &[Format] = &[
         units: "-",
         axes: "-",
         ignored_by_import: "poses (relative to a board, in an unknown unit)",
+        ..Format::PLAIN
+    },
+    Format {
+        name: "basalt",
+        about: "Basalt calibrations, lenses only",
+        extensions: &["json"],
+        contains: "lens (Brown-Conrady, rational, fisheye, unified, double sphere or EUCM)",
+        lacks: "pose",
+        lenses: RADIAL_OR_FISHEYE,
+        has_positions: false,
+        read: Some(basalt::read),
+        pixels: CENTRE,
+        units: "-",
+        axes: "-",
+        ignored_by_import: "poses relative to the IMU, IMU parameters, vignettes",
+        ..Format::PLAIN
+    },
+    Format {
+        name: "camodocal",
+        about: "camodocal cameras (YAML), lenses only",
+        extensions: &["yaml", "yml"],
+        contains: "lens (Brown-Conrady, rational, fisheye or unified)",
+        lacks: "pose",
+        lenses: RADIAL_OR_FISHEYE,
+        has_positions: false,
+        read: Some(camodocal::read),
+        pixels: CENTRE,
+        units: "-",
+        axes: "-",
+        ignored_by_import: "",
+        ..Format::PLAIN
+    },
+    Format {
+        name: "opensfm",
+        about: "OpenSfM camera models (JSON), lenses only",
+        extensions: &["json"],
+        contains: "lens (Brown-Conrady or fisheye)",
+        lacks: "pose",
+        lenses: RADIAL_OR_FISHEYE,
+        has_positions: false,
+        read: Some(opensfm::read),
+        pixels: CORNER,
+        units: "-",
+        axes: "-",
+        ignored_by_import: "shots and points (reconstruction.json)",
+        ..Format::PLAIN
+    },
+    Format {
+        name: "metashape",
+        about: "Agisoft Metashape calibrations (XML), lenses only",
+        extensions: &["xml"],
+        contains: "lens (Brown-Conrady or fisheye)",
+        lacks: "pose",
+        lenses: RADIAL_OR_FISHEYE,
+        has_positions: false,
+        read: Some(metashape::read),
+        pixels: CORNER,
+        units: "-",
+        axes: "-",
+        ignored_by_import: "cameras, markers, covariances",
+        ..Format::PLAIN
+    },
+    Format {
+        name: "matlab",
+        about: "MATLAB camera parameters as JSON, lenses only",
+        extensions: &["json"],
+        contains: "lens (Brown-Conrady)",
+        lacks: "pose",
+        lenses: RADIAL_OR_FISHEYE,
+        has_positions: false,
+        read: Some(matlab::read),
+        pixels: CENTRE_ONE,
+        units: "-",
+        axes: "-",
+        ignored_by_import: "poses of the board, errors",
         ..Format::PLAIN
     },
     Format {
