@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use calib_editor::{Edge, Period};
-use calib_image::{AutomaticCalibration, LineSegment};
+use calib_image::{AutomaticCalibration, ImageEdges};
 use calib_site::{Site, SiteCamera};
 use egui::Context;
 use image::RgbImage;
@@ -107,7 +107,7 @@ enum Step {
     /// Reading and decoding of the image.
     Reading,
     /// Measurement of the edges.
-    Measuring(Task<Result<Vec<LineSegment>, String>>),
+    Measuring(Task<Result<ImageEdges, String>>),
     /// Grouping of the edges by direction, and calibration.
     Grouping(Task<Result<AutomaticCalibration, String>>),
 }

@@ -1,38 +1,38 @@
-//! Keyboard focus: focused widgets scroll into view, and fields that the program asks for get the focus.
+//! Keyboard focus: focused widgets scroll into view, and requested fields get the focus.
 
 use egui::accesskit::{Action, ActionRequest, TreeId};
 use egui::{Context, Event, Id, Key, Modifiers, Response};
 
 /// Field that the program asks the operator to fill in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum AskedField {
-    /// Length or height of the annotation with this index.
+pub(crate) enum RequestedField {
+    /// Length or height of the annotation of the current camera with this index.
     Size(usize),
     /// Distance between two measured points of the plan.
     PlanLength,
 }
 
-/// Id under which the asked field is stored until a panel shows it.
-fn asked_id() -> Id {
-    Id::unique("asked field")
+/// Id under which the requested field is stored until a panel shows it.
+fn requested_id() -> Id {
+    Id::unique("requested field")
 }
 
-/// Asks for a field: the panel that shows it next gives it the focus.
-pub(crate) fn ask(ctx: &Context, field: AskedField) {
-    ctx.data_mut(|data| data.insert_temp(asked_id(), field));
+/// Requests a field: the panel that shows it next gives it the focus.
+pub(crate) fn request(ctx: &Context, field: RequestedField) {
+    ctx.data_mut(|data| data.insert_temp(requested_id(), field));
     ctx.request_repaint();
 }
 
-/// Gives the focus to a field if the program asked for it.
-pub(crate) fn focus_if_asked(response: &Response, field: AskedField) {
-    let is_asked = response.ctx.data_mut(|data| {
-        let is_asked = data.get_temp(asked_id()) == Some(field);
-        if is_asked {
-            data.remove::<AskedField>(asked_id());
+/// Gives the focus to a field if it was requested.
+pub(crate) fn focus_if_requested(response: &Response, field: RequestedField) {
+    let is_requested = response.ctx.data_mut(|data| {
+        let is_requested = data.get_temp(requested_id()) == Some(field);
+        if is_requested {
+            data.remove::<RequestedField>(requested_id());
         }
-        is_asked
+        is_requested
     });
-    if is_asked {
+    if is_requested {
         response.request_focus();
     }
 }
@@ -112,15 +112,6 @@ pub(crate) fn is_for_field(key: Key, modifiers: Modifiers) -> bool {
                 | Key::Equals
                 | Key::Enter
                 | Key::Escape
-                | Key::Backspace
-                | Key::Delete
                 | Key::Tab
-                | Key::Space
-                | Key::Home
-                | Key::End
-                | Key::ArrowLeft
-                | Key::ArrowRight
-                | Key::ArrowUp
-                | Key::ArrowDown
         )
 }

@@ -56,8 +56,8 @@ impl App {
         for (command, modifiers) in keys::pressed(ctx, self.hover.was_typing, self.jobs.video.is_some()) {
             command::run(self, ctx, command, modifiers);
         }
-        if let Some(field) = self.view.asked_field.take() {
-            focus::ask(ctx, field);
+        if let Some(field) = self.view.requested_field.take() {
+            focus::request(ctx, field);
         }
     }
 

@@ -8,7 +8,7 @@ mod desk;
 use calib_app::storage::demo;
 use calib_core::{Annotation, Camera, Kind, Orientation};
 use calib_editor::{Action, AutomaticResult, Hypothesis, Images, Pane, Period};
-use calib_image::{AutomaticCalibration, Confidence, EdgeClass, EdgeImage, LineSegment};
+use calib_image::{AutomaticCalibration, Bars, Confidence, EdgeClass, EdgeImage, ImageEdges, LineSegment};
 use calib_site::{Options, PrincipalPointEntry, Site, SiteCamera, Solution};
 use desk::Desk;
 use egui::{Key, Modifiers};
@@ -304,9 +304,10 @@ fn automatic_calibration_survives_serialisation_to_a_worker() {
     let lines = drawn.annotations.iter().flat_map(|drawn| drawn.polylines().collect::<Vec<_>>());
     let segment = |line: Vec<calib_core::Pixel>| LineSegment::new([line[0], line[line.len() - 1]], 0.5);
     let edges: Vec<LineSegment> = lines.map(segment).collect();
-    let sent = serde_json::to_vec(&(&drawn, &edges)).unwrap();
-    let (camera, received): (SiteCamera, Vec<LineSegment>) = serde_json::from_slice(&sent).unwrap();
-    assert!(camera == drawn && received == edges);
+    let measured = ImageEdges { segments: edges.clone(), bars: Bars::NONE };
+    let sent = serde_json::to_vec(&(&drawn, &measured)).unwrap();
+    let (camera, received): (SiteCamera, ImageEdges) = serde_json::from_slice(&sent).unwrap();
+    assert!(camera == drawn && received == measured);
     let few = edges.iter().take(3).copied().collect();
     for edges in [edges, few, Vec::new()] {
         let proposal = AutomaticCalibration::new(&EdgeImage::new(edges, drawn.size_px));

@@ -32,6 +32,8 @@ pub struct PendingGroup {
     pub probabilities: Vec<f64>,
     /// Location of the edge (on the floor, above it, or undetermined), for each line in order.
     pub classes: Vec<EdgeClass>,
+    /// Standard deviation of the lines, in pixels; `None` for the value of the camera.
+    sigma_px: Option<f64>,
 }
 
 impl PendingGroup {
@@ -79,7 +81,9 @@ impl PendingGroup {
     /// Creates an undecided group from a detected group; edges that are annotated already are omitted.
     fn from_group(group: &Group, direction: String, entry: &SiteCamera) -> Self {
         let scores = group.probabilities.iter().copied().zip(group.classes.iter().copied());
-        Self::from_lines(group.annotation.kind, direction, group.annotation.polylines().zip(scores), entry)
+        let lines = group.annotation.polylines().zip(scores);
+        let sigma_px = group.annotation.sigma_px;
+        Self { sigma_px, ..Self::from_lines(group.annotation.kind, direction, lines, entry) }
     }
 
     /// Creates an undecided group from lines with their probabilities and classes; lines that are annotated
@@ -96,7 +100,7 @@ impl PendingGroup {
         };
         let (lines, scores): (_, Vec<(f64, EdgeClass)>) = lines.filter(is_new).unzip();
         let (probabilities, classes) = scores.into_iter().unzip();
-        Self { kind, direction, lines, probabilities, classes }
+        Self { kind, direction, lines, probabilities, classes, sigma_px: None }
     }
 }
 
@@ -146,6 +150,8 @@ pub struct PendingCalibration {
     perpendicular_pairs: Vec<[String; 2]>,
     /// Distortion that was assumed when the lines were detected.
     distortion: Option<DistortionEntry>,
+    /// Principal point that was assumed when the lines were detected; `None` near the image centre.
+    principal_point: Option<PrincipalPointEntry>,
 }
 
 /// Result of an automatic calibration or placement.
@@ -202,6 +208,7 @@ impl PendingCalibration {
             let (groups, perpendicular_pairs) = drawable(&other.groups);
             Box::new(Hypothesis { orientation: other.orientation, groups, perpendicular_pairs })
         });
+        let lens = proposal.camera.as_ref().and_then(|camera| camera.lens.as_ref());
         Self {
             of: Period::from_camera(entry),
             confidence: proposal.confidence,
@@ -210,7 +217,8 @@ impl PendingCalibration {
             orientation: proposal.solution.as_ref().and_then(orientation),
             alternative,
             perpendicular_pairs,
-            distortion: proposal.camera.as_ref().and_then(|camera| camera.lens.clone()?.distortion),
+            distortion: lens.and_then(|lens| lens.distortion.clone()),
+            principal_point: lens.and_then(|lens| lens.principal_point_px),
         }
     }
 
@@ -274,6 +282,7 @@ impl PendingCalibration {
         }
         if !groups.is_empty() {
             self.set_distortion(&mut drawn);
+            self.set_principal_point(&mut drawn);
         }
         drawn
     }
@@ -285,7 +294,10 @@ impl PendingCalibration {
                 entry.annotations.extend(group.lines.iter().cloned().map(Annotation::from_points));
             }
             Kind::Parallel => self.add_floor_lines(entry, group),
-            kind => entry.annotations.push(Annotation::from_segments(kind, group.lines.clone())),
+            kind => entry.annotations.push(Annotation {
+                sigma_px: group.sigma_px,
+                ..Annotation::from_segments(kind, group.lines.clone())
+            }),
         }
     }
 
@@ -294,7 +306,12 @@ impl PendingCalibration {
     fn add_floor_lines(&self, entry: &mut SiteCamera, group: &PendingGroup) {
         let of = |id: &String| entry.annotations.iter().position(|drawn| drawn.id.as_ref() == Some(id));
         if let Some(known) = of(&group.direction) {
-            entry.annotations[known].segments.get_or_insert_default().extend(group.lines.clone());
+            let usual = entry.sigma_px.unwrap_or(1.0);
+            let known = &mut entry.annotations[known];
+            known.segments.get_or_insert_default().extend(group.lines.clone());
+            // An annotation has one standard deviation for all its lines.
+            let own = known.sigma_px.unwrap_or(usual);
+            known.sigma_px = group.sigma_px.filter(|sigma| *sigma > own).or(known.sigma_px);
             return;
         }
         let own = self.perpendicular_pairs.iter().filter(|tie| tie.contains(&group.direction));
@@ -302,6 +319,7 @@ impl PendingCalibration {
         entry.annotations.push(Annotation {
             id: Some(group.direction.clone()),
             at_right_angles_to: tied,
+            sigma_px: group.sigma_px,
             ..Annotation::from_segments(Kind::Parallel, group.lines.clone())
         });
     }
@@ -314,6 +332,21 @@ impl PendingCalibration {
         let known = entry.lens.as_ref().is_some_and(|lens| lens.like.is_some() || lens.distortion.is_some());
         if let Some(distortion) = self.distortion.as_ref().filter(|_| !(has_edges || waits || known)) {
             entry.lens.get_or_insert_default().distortion = Some(distortion.clone());
+        }
+    }
+
+    /// Sets the principal point that was assumed when the lines were detected, for example in the middle between black
+    /// bars. It is set only if no principal point is entered, and if the image has no image circle.
+    fn set_principal_point(&self, entry: &mut SiteCamera) {
+        let lens = entry.lens.as_ref();
+        let is_known = lens.is_some_and(|lens| {
+            lens.like.is_some()
+                || lens.window_px.is_some()
+                || lens.principal_point_px.is_some()
+                || lens.image_circle_px.is_some()
+        });
+        if let Some(assumed) = self.principal_point.filter(|_| !is_known) {
+            entry.lens.get_or_insert_default().principal_point_px = Some(assumed);
         }
     }
 }

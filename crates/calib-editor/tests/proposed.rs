@@ -9,7 +9,7 @@ use calib_editor::{
     Pointer, command,
 };
 use calib_image::{Alternative, AutomaticCalibration, Confidence, EdgeClass, EdgeImage, Group, Reason};
-use calib_site::{Site, SiteCamera};
+use calib_site::{LensEntry, PrincipalPointEntry, Site, SiteCamera};
 
 /// Returns a site with two cameras of the demonstration; the first one has no annotations.
 fn blank() -> Site {
@@ -87,6 +87,25 @@ fn undo(editor: &mut Editor) {
 
 fn redo(editor: &mut Editor) {
     editor.apply(Action::Gesture(command::Gesture::Redo));
+}
+
+#[test]
+fn accepted_lines_keep_their_standard_deviation_and_principal_point() {
+    let mut editor = opened(blank());
+    let of = Period { camera: editor.site().cameras[0].id.clone(), from: None };
+    let mut own = proposal();
+    own.groups.iter_mut().for_each(|group| group.annotation.sigma_px = Some(2.5));
+    let assumed = PrincipalPointEntry { value: Pixel::new(900.0, 540.0), sigma: Some(20.0) };
+    own.camera.as_mut().unwrap().lens =
+        Some(LensEntry { principal_point_px: Some(assumed), ..LensEntry::default() });
+    editor.apply(Action::Automatic(AutomaticResult::Calibration(of, Box::new(own))));
+    do_it(&mut editor, CalibrationDecision::AcceptAll);
+    let entry = &editor.site().cameras[0];
+    assert!(!entry.annotations.is_empty());
+    assert!(entry.annotations.iter().all(|drawn| drawn.sigma_px == Some(2.5)), "{:?}", entry.annotations);
+    assert_eq!(entry.lens.as_ref().unwrap().principal_point_px, Some(assumed));
+    undo(&mut editor);
+    assert!(editor.site().cameras[0].annotations.is_empty());
 }
 
 #[test]

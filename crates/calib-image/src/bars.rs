@@ -6,7 +6,8 @@
 use calib_core::Pixel;
 use image::RgbImage;
 
-use crate::edges::pixel_brightness;
+use crate::edges::{line_segments, pixel_brightness};
+use crate::line_segment::LineSegment;
 
 /// Thickness of the black bars at the four sides of an image, in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -102,6 +103,23 @@ impl std::fmt::Display for Bars {
             write!(f, "{side} {width} px")?;
         }
         widths.try_for_each(|(side, width)| write!(f, ", {side} {width} px"))
+    }
+}
+
+/// Measurements of an image for an automatic calibration: its straight edges and its black bars.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct ImageEdges {
+    /// Straight edges with their standard deviations, the longest first.
+    pub segments: Vec<LineSegment>,
+    /// Black bars at the sides of the image.
+    pub bars: Bars,
+}
+
+impl ImageEdges {
+    /// Measures an image.
+    #[must_use]
+    pub fn measure(image: &RgbImage) -> Self {
+        Self { segments: line_segments(image), bars: Bars::find(image) }
     }
 }
 

@@ -37,7 +37,7 @@ mod proposal;
 mod compare;
 mod registration;
 
-pub use bars::Bars;
+pub use bars::{Bars, ImageEdges};
 pub use compare::{
     CameraChange, Comparison, ComparisonError, EdgeOffset, FitParameters, RecoveryError, RotationFit,
     STEP_SIZE, ShownWindow, SizeMismatchError, TONE_SIZE, annotation_edges, recover,

@@ -435,12 +435,20 @@ impl SiteCamera {
         self.lens_of_image()?.principal_point_px
     }
 
-    /// Returns the entered lens values in pixels of this image, without distortion, image circle and reference to
-    /// another camera.
+    /// Returns the entered lens values in pixels of this image: focal length, data sheet, principal point and pixel
+    /// aspect.
     #[must_use]
     pub fn known_lens(&self) -> LensEntry {
         let lens = self.lens_of_image().map_or_else(LensEntry::default, std::borrow::Cow::into_owned);
-        LensEntry { window_px: None, image_circle_px: None, distortion: None, like: None, ..lens }
+        LensEntry {
+            roll_deg: None,
+            pitch_deg: None,
+            window_px: None,
+            image_circle_px: None,
+            distortion: None,
+            like: None,
+            ..lens
+        }
     }
 
     /// Returns the entered focal length in pixels, otherwise the focal length of the data sheet under a lens.

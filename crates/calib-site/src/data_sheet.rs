@@ -88,6 +88,10 @@ pub enum DataSheetError {
     NoSensor,
     /// Size of the sensor without a focal length in millimetres.
     NoFocalLength,
+    /// Second entry of this value.
+    Repeated(&'static str),
+    /// Field of view that no lens of these models has.
+    FieldOutOfRange,
     /// Optical format that no sensor has.
     UnknownFormat(String),
     /// Word that has no meaning at its position.
@@ -124,41 +128,58 @@ impl DataSheet {
 
     /// Reads the next value.
     fn read(&mut self, words: &mut Words, size_px: [u32; 2]) -> Result<(), DataSheetError> {
-        if words.skip_any(&["lens", "sensor", "cmos", "fov", "field", "of", "view", "inch", "in"]) {
+        if words.skip_any(&["lens", "sensor", "cmos", "fov", "field", "of", "view", "inch", "in", "type"]) {
             return Ok(());
         }
+        let first = words.position;
         if let Some(axis) = words.axis() {
             while words.skip_any(&["fov", "field", "of", "view"]) {}
             let field = words.value().ok_or_else(|| words.error())?;
             words.skip_any(DEGREES);
-            self.fields_deg[axis] = Some(field);
-            return Ok(());
+            return self.set_field(axis, field);
         }
-        let first = words.position;
-        if let Some([width, height]) = words.pair("x") {
+        if let Some(sides) = words.pair("x") {
             words.skip_any(&["mm"]);
-            self.sensor_mm = Some([width, height]);
-        } else if let Some([over, under]) = words.pair("/") {
-            let format = if over == 1.0 { format!("1/{under}") } else { format!("{over}/{under}") };
-            words.skip_any(&["\"", "inch", "in", "type"]);
-            if sensor_diagonal_mm(&format).is_none() {
-                return Err(DataSheetError::UnknownFormat(format));
-            }
-            self.sensor = Some(format);
-        } else if let Some(value) = words.value() {
-            if words.skip_any(&["mm"]) {
-                self.focal_mm = Some(value);
-                if words.skip_any(&["equivalent", "equiv", "eq"]) {
-                    self.sensor_mm = Some(film_of(size_px));
-                }
-            } else {
-                words.skip_any(DEGREES);
-                let axis = words.axis().ok_or_else(|| words.error_at(first))?;
-                self.fields_deg[axis] = Some(value);
-            }
-        } else {
-            return Err(words.error());
+            return self.set_sensor(None, Some(sides));
         }
+        if let Some([over, under]) = words.pair("/") {
+            words.skip_any(INCHES);
+            return self.set_sensor(Some(format!("{over}/{under}")), None);
+        }
+        let value = words.value().ok_or_else(|| words.error())?;
+        if let (Nominal::Number(inches), true) = (value, words.skip_any(INCHES)) {
+            return self.set_sensor(Some(format!("{inches}\"")), None);
+        }
+        if words.skip_any(&["mm"]) {
+            if self.focal_mm.replace(value).is_some() {
+                return Err(DataSheetError::Repeated("focal length"));
+            }
+            let is_equivalent = words.skip_any(&["equivalent", "equiv", "eq"]);
+            return if is_equivalent { self.set_sensor(None, Some(film_of(size_px))) } else { Ok(()) };
+        }
+        words.skip_any(DEGREES);
+        let axis = words.axis().ok_or_else(|| words.error_at(first))?;
+        self.set_field(axis, value)
+    }
+
+    fn set_field(&mut self, axis: usize, field: Nominal) -> Result<(), DataSheetError> {
+        if !FIELDS_DEG.contains(&field.known().value) {
+            return Err(DataSheetError::FieldOutOfRange);
+        }
+        match self.fields_deg[axis].replace(field) {
+            Some(_) => Err(DataSheetError::Repeated("field of view of this direction")),
+            None => Ok(()),
+        }
+    }
+
+    fn set_sensor(&mut self, format: Option<String>, sides: Option<[f64; 2]>) -> Result<(), DataSheetError> {
+        if let Some(format) = format.as_ref().filter(|format| sensor_diagonal_mm(format).is_none()) {
+            return Err(DataSheetError::UnknownFormat(format.clone()));
+        }
+        if self.sensor.is_some() || self.sensor_mm.is_some() {
+            return Err(DataSheetError::Repeated("size of the sensor"));
+        }
+        (self.sensor, self.sensor_mm) = (format, sides);
         Ok(())
     }
 }
@@ -174,17 +195,25 @@ impl fmt::Display for DataSheet {
             Nominal::Known(Known { value, sigma: Some(sigma), .. }) => format!("{value} \u{b1} {sigma}"),
         };
         let focal = self.focal_mm.map(|focal| format!("{} mm", value(focal)));
+        // A format without a fraction needs its unit.
+        let format = self.sensor.as_ref().map(|format| match format.contains(['/', '"']) {
+            true => format.clone(),
+            false => format!("{format}\""),
+        });
         let size = self.sensor_mm.map(|[width, height]| format!("{width} x {height} mm"));
         let fields = FIELD_NAMES.iter().zip(self.fields_deg);
         let fields = fields.filter_map(|(name, field)| Some(format!("{name} {}\u{b0}", value(field?))));
-        let parts: Vec<String> =
-            focal.into_iter().chain(self.sensor.clone()).chain(size).chain(fields).collect();
+        let parts: Vec<String> = focal.into_iter().chain(format).chain(size).chain(fields).collect();
         f.write_str(&parts.join(" "))
     }
 }
 
 /// Names of the unit of angles.
 const DEGREES: &[&str] = &["\u{b0}", "deg", "degree", "degrees"];
+/// Names of the unit of optical formats.
+const INCHES: &[&str] = &["\"", "inch", "in", "type"];
+/// Fields of view of lenses without a fisheye model, in degrees.
+const FIELDS_DEG: std::ops::RangeInclusive<f64> = 0.1..=179.0;
 
 /// Returns the width and height of 35 mm film for an image of this size, in millimetres. Equivalents refer to the
 /// diagonal.
@@ -205,9 +234,18 @@ impl Words {
     fn new(text: &str) -> Self {
         let given: Vec<char> = text.to_lowercase().chars().collect();
         let is_digit = |at: usize| given.get(at).is_some_and(char::is_ascii_digit);
+        let is_part = |at: &usize| is_digit(*at) || given.get(*at) == Some(&'.');
+        // A comma separates decimals, unless a number beside it has decimals already.
+        let is_decimal_comma = |at: usize| {
+            let mut beside =
+                (0..at).rev().take_while(is_part).chain((at + 1..given.len()).take_while(is_part));
+            at > 0 && is_digit(at - 1) && is_digit(at + 1) && !beside.any(|at| given[at] == '.')
+        };
         let usual = |at: usize| match given[at] {
-            ',' if at > 0 && is_digit(at - 1) && is_digit(at + 1) => '.',
+            ',' if is_decimal_comma(at) => '.',
+            '.' if !is_digit(at + 1) => ' ',
             ',' | ';' | ':' | '=' | '(' | ')' => ' ',
+            '\u{ba}' => '\u{b0}',
             '\u{d7}' => 'x',
             '\u{2013}' | '\u{2014}' | '\u{2212}' => '-',
             '\u{2033}' | '\u{201d}' | '\u{201c}' => '"',
@@ -358,6 +396,11 @@ mod tests {
         assert_eq!(read("5.6 \u{d7} 3.15 mm, 4 mm").sensor_mm, Some([5.6, 3.15]));
         assert_eq!(read("26 mm equivalent").sensor_mm, Some([37.71, 21.21]));
         assert_eq!(read("2/3 8 mm").sensor.as_deref(), Some("2/3"));
+        assert_eq!(read("8.8 mm 1\" type").sensor.as_deref(), Some("1\""));
+        for text in ["1/2.7,2.8mm", "2.8 mm 1/2.7."] {
+            assert_eq!(read(text), usual, "{text}");
+        }
+        assert_eq!(read("26 mm equiv. 98\u{ba} horizontal").fields_deg[0], Some(Nominal::Number(98.0)));
         assert_eq!(read(""), DataSheet::default());
     }
 
@@ -397,5 +440,8 @@ mod tests {
         assert!(error("horizontal").contains("number is missing"));
         assert!(error("4 mm 1/99").contains("No sensor"));
         assert!(error("-3 mm 1/3").contains("\"-\""));
+        assert!(error("26 mm equivalent (4.2 mm)").contains("two values of the focal length"));
+        assert!(error("2.8 mm 1/2.7 5.6 x 3.15 mm").contains("size of the sensor"));
+        assert!(error("horizontal 200").contains("179"));
     }
 }

@@ -8,7 +8,7 @@ use egui::{Align2, Rect, RichText, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::annotate::result::empty_field;
 use crate::annotate::sigmas::{self, Usual};
-use crate::focus::AskedField;
+use crate::focus::RequestedField;
 use crate::icons::{self, Icon};
 use crate::keys;
 use crate::state::App;
@@ -184,17 +184,17 @@ fn asked_size(
     if annotation.like.is_some() || !waits_for_length && !waits_for_height(annotation) {
         return None;
     }
-    let (palette, asked) = (theme::palette(ui.ctx()), Some(AskedField::Size(index)));
+    let (palette, requested) = (theme::palette(ui.ctx()), Some(RequestedField::Size(index)));
     ui.horizontal(|ui| {
         ui.add_space(24.0);
         if waits_for_length {
             let estimate = annotation.polylines().next().and_then(|line| guess(&line));
             let label = ui.label(RichText::new("measured").color(palette.text2));
-            let entered = empty_field(ui, ("length", index), label.id, units, estimate, asked);
+            let entered = empty_field(ui, ("length", index), label.id, units, estimate, requested);
             entered.map(|metres| RowRequest::Length(index, metres))
         } else {
             let label = ui.label(RichText::new("height").color(palette.text2));
-            let entered = empty_field(ui, ("height", index), label.id, units, None, asked);
+            let entered = empty_field(ui, ("height", index), label.id, units, None, requested);
             entered.map(|metres| RowRequest::Height(index, metres))
         }
     })

@@ -34,7 +34,7 @@ pub(crate) fn circle_ui(app: &mut App, ui: &mut Ui) {
             if ui.button("Enter").on_hover_text(tip).clicked() {
                 chosen = Some(inscribed);
             }
-        } else if ui.button("Remove").on_hover_text("Forget the image circle").clicked() {
+        } else if ui.button("Remove").on_hover_text("Remove the image circle").clicked() {
             chosen = None;
         }
     });

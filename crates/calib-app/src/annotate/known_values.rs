@@ -5,11 +5,10 @@ use calib_core::single::PrincipalPointPrior;
 use calib_site::{
     DataSheet, LensEntry, PixelAspectEntry, PrincipalPointEntry, SiteCamera, usual_pixel_aspect,
 };
-use egui::{CollapsingHeader, ComboBox, DragValue, RichText, Ui};
+use egui::{CollapsingHeader, ComboBox, DragValue, RichText, TextEdit, Ui};
 
 use crate::state::App;
 use crate::theme;
-use crate::widgets::entered_text;
 
 /// Shows the known values of the current camera's lens, if the camera has its own lens.
 pub(crate) fn known_values_ui(app: &mut App, ui: &mut Ui) {
@@ -31,37 +30,40 @@ pub(crate) fn known_values_ui(app: &mut App, ui: &mut Ui) {
     });
 }
 
-/// Shows the field for the data sheet, with the message about an entry that is not understood.
+/// Shows the field for the data sheet. A text that is not understood stays in the field, with a message below it.
 fn data_sheet(app: &mut App, ui: &mut Ui, entry: &SiteCamera, lens: &LensEntry) {
     let palette = theme::palette(ui.ctx());
-    let salt = ui.scope_id().with(("data sheet", app.editor.session().camera));
-    let mut error = ui.data(|data| data.get_temp::<String>(salt));
-    let mut changed = None;
+    let salt = ui.scope_id().with(("data sheet", &entry.id, &entry.valid_from));
+    let entered = lens.data_sheet().to_string();
+    let mut text = ui.data(|data| data.get_temp::<String>(salt)).unwrap_or_else(|| entered.clone());
+    let (mut has_focus, mut changed) = (false, None);
     ui.horizontal(|ui| {
         let label = ui.label(RichText::new("Data sheet").color(palette.text2));
-        let text = lens.data_sheet().to_string();
-        let (response, typed) = entered_text(ui, salt.with("text"), &text, 130.0);
-        response.labelled_by(label.id).on_hover_text(
+        let field = TextEdit::singleline(&mut text).hint_text("2.8 mm 1/2.7").desired_width(132.0);
+        let response = ui.add(field.char_limit(100)).labelled_by(label.id).on_hover_text(
             "Focal length and sensor, such as 2.8 mm 1/2.7, or fields of view, such as horizontal 98\u{b0}. \
-             A value without \u{b1} has a tolerance of 3 %.",
+             A number alone has a tolerance of 3 %.",
         );
-        if !text.is_empty() && ui.button("Remove").clicked() {
-            (changed, error) = (Some(DataSheet::default()), None);
-        }
-        match typed.map(|typed| DataSheet::parse(&typed, entry.size_px)) {
-            Some(Ok(sheet)) => (changed, error) = (Some(sheet), None),
-            Some(Err(unread)) => error = Some(unread.to_string()),
-            None => {}
+        has_focus = response.has_focus();
+        if response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Escape)) {
+            text.clone_from(&entered);
+        } else if response.lost_focus() && text != entered {
+            changed = DataSheet::parse(&text, entry.size_px).ok();
         }
     });
-    match error {
-        Some(message) => {
-            ui.label(RichText::new(&message).color(palette.bad));
-            ui.data_mut(|data| data.insert_temp(salt, message));
+    let is_open = text != entered && changed.is_none();
+    ui.data_mut(|data| {
+        if is_open {
+            data.insert_temp(salt, text.clone());
+        } else {
+            data.remove::<String>(salt);
         }
-        None => ui.data_mut(|data| data.remove::<String>(salt)),
+    });
+    let error = DataSheet::parse(&text, entry.size_px).err().filter(|_| is_open && !has_focus);
+    if let Some(error) = error {
+        ui.label(RichText::new(error.to_string()).color(palette.bad));
     }
-    if let Some(sheet) = changed {
+    if let Some(sheet) = changed.filter(|sheet| *sheet != lens.data_sheet()) {
         app.change_lens("change the data sheet", |lens| lens.set_data_sheet(sheet));
     }
 }
@@ -83,11 +85,12 @@ fn pixel_aspect(app: &mut App, ui: &mut Ui, entry: &SiteCamera, lens: &LensEntry
     ];
     let mut chosen = own;
     ui.horizontal(|ui| {
-        let says = "Width of a pixel over its height. Some recorders save stretched images.";
-        choose(ui, "Pixel aspect", says, &choices, &mut chosen);
+        let tip = "Width of a pixel over its height. Some recorders save stretched images.";
+        choose(ui, "Pixel aspect", tip, &choices, &mut chosen);
         if let Some(PixelAspectEntry::Known(value)) = &mut chosen {
-            let field = DragValue::new(value).speed(0.001).range(0.25..=4.0).max_decimals(4);
-            let label = ui.label(RichText::new("height = 1, width =").color(palette.text3));
+            let field = DragValue::new(value).speed(0.001).range(0.1..=10.0).max_decimals(4);
+            let field = field.clamp_existing_to_range(false);
+            let label = ui.label(RichText::new("width / height =").color(palette.text3));
             ui.add(field.update_while_editing(false)).labelled_by(label.id);
         }
     });
@@ -110,9 +113,9 @@ fn principal_point(app: &mut App, ui: &mut Ui, entry: &SiteCamera, lens: &LensEn
     ];
     let mut chosen = own;
     ui.horizontal(|ui| {
-        let says = "Image point on the optical axis, from a calibration of the lens. It is estimated near the \
+        let tip = "Image point on the optical axis, from a calibration of the lens. It is estimated near the \
                     centre if it is not entered.";
-        choose(ui, "Principal point", says, &choices, &mut chosen);
+        choose(ui, "Principal point", tip, &choices, &mut chosen);
     });
     if let Some(PrincipalPointEntry { value: Pixel { u, v }, sigma }) = &mut chosen {
         ui.horizontal(|ui| {
@@ -120,7 +123,11 @@ fn principal_point(app: &mut App, ui: &mut Ui, entry: &SiteCamera, lens: &LensEn
             let sigma = sigma.as_mut().map(|sigma| ("\u{b1}", sigma, 0.01));
             for (title, value, low) in [("u", u, -1e6), ("v", v, -1e6)].into_iter().chain(sigma) {
                 let label = ui.label(RichText::new(title).color(palette.text3));
-                let field = DragValue::new(value).speed(0.2).range(low..=1e6).max_decimals(2);
+                let field = DragValue::new(value)
+                    .speed(0.2)
+                    .range(low..=1e6)
+                    .max_decimals(2)
+                    .clamp_existing_to_range(false);
                 ui.add(field.update_while_editing(false)).labelled_by(label.id);
             }
             ui.label(RichText::new("px").color(palette.text3));

@@ -8,7 +8,7 @@ use calib_editor::{Action, TOOLS, Units};
 use calib_site::{LensEntry, Sigmas, Solution, Stage};
 use egui::{Align2, DragValue, Rect, RichText, Sense, TextEdit, Ui, Vec2};
 
-use crate::focus::{self, AskedField};
+use crate::focus::{self, RequestedField};
 use crate::icons::{self, Icon, Look};
 use crate::state::App;
 use crate::theme;
@@ -18,14 +18,14 @@ use crate::widgets::{cells, decimals, heading, length_field, number};
 pub(crate) const TAPE: f64 = 0.01;
 
 /// Shows an empty field for a length, with an estimate as a hint. Returns the length in metres once the
-/// operator has entered it. The field gets the focus if the program asked for `asked`.
+/// operator has entered it. The field gets the focus if `requested` was requested.
 pub(crate) fn empty_field(
     ui: &mut Ui,
     salt: impl std::hash::Hash + std::fmt::Debug,
     label: egui::Id,
     units: Units,
     estimate: Option<f64>,
-    asked: Option<AskedField>,
+    requested: Option<RequestedField>,
 ) -> Option<f64> {
     let id = ui.scope_id().with(salt);
     let mut typed: String = ui.data(|data| data.get_temp(id)).unwrap_or_default();
@@ -35,10 +35,10 @@ pub(crate) fn empty_field(
     );
     let field = TextEdit::singleline(&mut typed).hint_text(hint).desired_width(92.0);
     let response = ui.add(field).labelled_by(label);
-    if let Some(asked) = asked {
-        focus::focus_if_asked(&response, asked);
+    if let Some(requested) = requested {
+        focus::focus_if_requested(&response, requested);
     }
-    focus::set_blank(&response, typed.is_empty());
+    focus::set_blank(&response, typed.trim().is_empty());
     let is_dropped = ui.input(|input| input.key_pressed(egui::Key::Escape));
     let entered = if response.lost_focus() && !is_dropped { metres_in(&typed, units) } else { None };
     if entered.is_some() || is_dropped {

@@ -11,7 +11,7 @@ use crate::state::App;
 use crate::theme;
 
 /// Kind of scene: name, scene errors (`None` for the default), and typical places.
-type SceneKind = (&'static str, Option<SceneEntry>, &'static str);
+pub(crate) type SceneKind = (&'static str, Option<SceneEntry>, &'static str);
 
 /// Kinds of scenes to choose from.
 const SCENE_KINDS: [SceneKind; 5] = [
@@ -26,9 +26,8 @@ const SCENE_KINDS: [SceneKind; 5] = [
     ),
 ];
 
-/// Answers to the question whether the ground rises, with the kind of scene that each answer chooses.
-pub(crate) const GROUND_ANSWERS: [(&str, Option<SceneEntry>); 3] =
-    [("Level", SCENE_KINDS[1].1), ("Gentle", SCENE_KINDS[2].1), ("Steep", SCENE_KINDS[3].1)];
+/// Kinds of scenes that answer the question whether the ground rises.
+pub(crate) const GROUND_ANSWERS: [SceneKind; 3] = [SCENE_KINDS[1], SCENE_KINDS[2], SCENE_KINDS[3]];
 
 /// Returns a scene with these slopes of the floor along and across markings, in degrees.
 const fn with_slopes(tilt: f64, crossfall: f64) -> SceneEntry {

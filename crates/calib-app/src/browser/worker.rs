@@ -4,8 +4,7 @@ use std::cell::RefCell;
 
 use calib_editor::edges;
 use calib_image::{
-    AutomaticCalibration, Comparison, EdgeImage, LineSegment, PairRegistration, PlacementSearch,
-    line_segments,
+    AutomaticCalibration, Comparison, EdgeImage, ImageEdges, PairRegistration, PlacementSearch,
 };
 use calib_plan::{Drawing, Picture, View};
 use calib_site::{Site, SiteCamera};
@@ -42,9 +41,9 @@ fn run_job(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, St
             let image = image_from_bytes(width, bytes)?;
             Ok(Array::of1(&Float64Array::from(&*edges::to_numbers(&edges::detect(&image))).into()))
         }
-        PROPOSE if width > 0 => json_answer(&line_segments(&image_from_bytes(width, bytes)?)),
+        PROPOSE if width > 0 => json_answer(&ImageEdges::measure(&image_from_bytes(width, bytes)?)),
         PROPOSE => {
-            let (camera, edges): (SiteCamera, Vec<LineSegment>) = page::read(bytes)?;
+            let (camera, edges): (SiteCamera, ImageEdges) = page::read(bytes)?;
             json_answer(&AutomaticCalibration::new(&EdgeImage::from_camera(&camera, edges)))
         }
         PLACE => place(page::read(name.as_bytes())?, bytes),

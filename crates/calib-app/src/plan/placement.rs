@@ -12,7 +12,7 @@ use egui::{Align, DragValue, Layout, RichText, Ui};
 
 use crate::annotate::result::{Number, TOP, held_at, lock, orientation_row};
 use crate::command::Command;
-use crate::focus::{self, AskedField};
+use crate::focus::{self, RequestedField};
 use crate::plan::drawing_fields;
 use crate::state::App;
 use crate::theme;
@@ -293,12 +293,12 @@ fn scale_fields(app: &mut App, ui: &mut Ui) {
             let label = ui.label(format!("{px:.0} px are"));
             let field = length_field(app.editor.session().site.units, &mut metres, 1e-3);
             let response = ui.add(field).labelled_by(label.id);
-            focus::focus_if_asked(&response, AskedField::PlanLength);
+            focus::focus_if_requested(&response, RequestedField::PlanLength);
             if response.changed() && px > 0.0 {
                 plan.metres_per_px = metres / px;
                 changed = Some("set the scale of the plan");
             }
-            if ui.button("Done").on_hover_text("Forget the two points").clicked() {
+            if ui.button("Done").on_hover_text("Clear the two points").clicked() {
                 app.send(Action::ClearMeasurement);
             }
         });

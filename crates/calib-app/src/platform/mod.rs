@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use calib_editor::{AllowedFiles, Edge, FileResult, Source};
-use calib_image::{AutomaticCalibration, Comparison, EmptyScene, LineSegment, SitePlacement, shrunk};
+use calib_image::{AutomaticCalibration, Comparison, EmptyScene, ImageEdges, SitePlacement, shrunk};
 use calib_plan::View;
 use calib_site::{NewImage, Recovered, Site, SiteCamera};
 use egui::Context;
@@ -254,14 +254,14 @@ pub(crate) trait Platform {
     fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>>;
 
     /// Detects the straight edges of an image with subpixel accuracy and their noise.
-    fn measure_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Result<Vec<LineSegment>, String>>;
+    fn measure_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Result<ImageEdges, String>>;
 
     /// Calibrates a camera automatically from its detected edges. If the camera entry contains a distortion,
     /// the lens is not estimated.
     fn propose(
         ctx: &Context,
         camera: SiteCamera,
-        edges: Vec<LineSegment>,
+        edges: ImageEdges,
     ) -> Task<Result<AutomaticCalibration, String>>;
 
     /// Cancels the running edge measurement and automatic calibration.

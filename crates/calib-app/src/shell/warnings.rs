@@ -249,8 +249,8 @@ fn buttons(app: &App, ui: &mut Ui, warning: &Warning, request: &mut Option<Warni
         if ui.button("Show").clicked() {
             *request = Some(WarningAction::Show(place));
         }
-        for (text, answer) in answers(app, warning.code) {
-            if ui.button(text).clicked() {
+        for (text, tip, answer) in answers(app, warning.code) {
+            if ui.button(text).on_hover_text(tip).clicked() {
                 *request = Some(answer);
             }
         }
@@ -273,16 +273,24 @@ fn buttons(app: &App, ui: &mut Ui, warning: &Warning, request: &mut Option<Warni
     });
 }
 
-/// Returns the answers to the question of a warning, with the text of each button.
-fn answers(app: &App, code: Code) -> Vec<(String, WarningAction)> {
+/// Returns the answers to the question of a warning, with the text and the tooltip of each button.
+fn answers(app: &App, code: Code) -> Vec<(String, &'static str, WarningAction)> {
     let size = app.editor.session().entry().map(|entry| entry.size_px);
     match (code, size.and_then(usual_pixel_aspect)) {
         (Code::PixelsNotSquare, Some(usual)) => vec![
-            (format!("Pixel aspect {usual:.3}"), WarningAction::SetPixelAspect(usual)),
-            ("Square pixels".into(), WarningAction::SetPixelAspect(1.0)),
+            (
+                format!("Pixel aspect {usual:.3}"),
+                "The recorder has stretched the image: things look too wide or too narrow",
+                WarningAction::SetPixelAspect(usual),
+            ),
+            (
+                "Square pixels".into(),
+                "Things in the image have their true shape",
+                WarningAction::SetPixelAspect(1.0),
+            ),
         ],
         (Code::FloorSlope, _) => {
-            GROUND_ANSWERS.map(|(text, scene)| (text.into(), WarningAction::SetScene(scene))).into()
+            GROUND_ANSWERS.map(|(text, scene, tip)| (text.into(), tip, WarningAction::SetScene(scene))).into()
         }
         _ => Vec::new(),
     }

@@ -10,7 +10,7 @@ use calib_editor::{
     Action, Command, Edge, Editor, Pane, Part, PendingCalibration, Period, TOOLS, ToolRow, edges, edit, hit,
     suggest,
 };
-use calib_site::{LensEntry, Site, SuggestionEntry};
+use calib_site::{LensEntry, Site, SiteCamera, SuggestionEntry};
 use egui::Context;
 use web_time::{SystemTime, UNIX_EPOCH};
 
@@ -19,7 +19,7 @@ use crate::choice::{Chosen, Purpose};
 use crate::edges::Edges;
 use crate::edges::Proposing;
 use crate::edges::Refining;
-use crate::focus::{AskedField, FocusWatch};
+use crate::focus::{FocusWatch, RequestedField};
 use crate::picture::Pictures;
 use crate::platform::{Here, Platform, Task};
 use crate::state::{
@@ -68,10 +68,10 @@ pub struct ViewState {
     pub list: List,
     /// Display of a newer image over the calibrated image.
     pub glance: Glance,
-    /// Field that gets the focus when a panel shows it next, because the program asks for its value.
-    pub(crate) asked_field: Option<AskedField>,
+    /// Field that gets the focus when a panel shows it next, because its value is missing.
+    pub(crate) requested_field: Option<RequestedField>,
     /// Fields that waited for a value before the current gesture.
-    pub(crate) open_fields: OpenFields,
+    pub(crate) open_fields: Vec<OpenField>,
 }
 
 /// Highlights that follow the pointer and the selection.
@@ -94,8 +94,8 @@ pub struct Hover {
     pub(crate) focus: FocusWatch,
 }
 
-/// Last field that waits for a value on the current image and on the plan, each with the number of such fields.
-type OpenFields = [Option<(AskedField, usize)>; 2];
+/// Field that waits for a value, with the index of its camera; `None` for the plan.
+type OpenField = (Option<usize>, RequestedField);
 
 /// Result of a camera that was announced to screen readers.
 #[derive(Debug, Default)]
@@ -249,8 +249,8 @@ impl Default for ViewState {
             compares_views: false,
             list: List::default(),
             glance: Glance::default(),
-            asked_field: None,
-            open_fields: OpenFields::default(),
+            requested_field: None,
+            open_fields: Vec::new(),
         }
     }
 }
@@ -313,26 +313,32 @@ impl App {
         }
         self.editor.apply(action);
         if draws && self.editor.tool().is_idle() {
-            let (before, now) = (self.view.open_fields, self.open_fields());
-            let count = |fields: OpenFields, index: usize| fields[index].map(|(_, count)| count);
-            let is_new = |index: &usize| count(now, *index) > count(before, *index);
-            let asked = [0, 1].into_iter().filter(is_new).find_map(|index| now[index]);
-            self.view.asked_field = asked.map(|(field, _)| field).or(self.view.asked_field);
+            // A gesture adds at most one field. Panels show the fields of the current camera and of the plan.
+            let is_new = |field: &OpenField| !self.view.open_fields.contains(field);
+            let new: Vec<OpenField> = self.open_fields().into_iter().filter(is_new).collect();
+            if let &[(camera, field)] = &new[..]
+                && camera.is_none_or(|camera| camera == self.editor.session().camera)
+            {
+                self.view.requested_field = Some(field);
+            }
         }
     }
 
-    /// Returns the last field that waits for a value on the current image and on the plan, each with the number of
-    /// such fields.
-    fn open_fields(&self) -> OpenFields {
+    /// Returns the fields that wait for a value, of all cameras and of the plan.
+    fn open_fields(&self) -> Vec<OpenField> {
         let session = self.editor.session();
         let waits = |annotation: &Annotation| {
             annotation.off && annotation.kind.row().has_length && annotation.like.is_none()
                 || edit::waits_for_height(annotation)
         };
-        let annotations = session.entry().map_or(&[][..], |entry| &entry.annotations);
-        let count = annotations.iter().filter(|annotation| waits(annotation)).count();
-        let last = annotations.iter().rposition(waits).map(|index| (AskedField::Size(index), count));
-        [last, session.tool.measured.map(|_| (AskedField::PlanLength, 1))]
+        let of_camera = |(camera, entry): (usize, &SiteCamera)| {
+            let annotations =
+                entry.annotations.iter().enumerate().filter(|(_, annotation)| waits(annotation));
+            annotations.map(|(index, _)| (Some(camera), RequestedField::Size(index))).collect::<Vec<_>>()
+        };
+        let of_images = session.site.cameras.iter().enumerate().flat_map(of_camera);
+        let of_plan = session.tool.measured.map(|_| (None, RequestedField::PlanLength));
+        of_images.chain(of_plan).collect()
     }
 
     /// Queues an action for the end of the frame. Panels use it, because all panels of a frame show the same

@@ -276,7 +276,13 @@ fn contradiction(session: &Session) -> Option<String> {
         if let Some((other, apart)) = apart.max_by(|a, b| a.1.total_cmp(&b.1)) {
             let other = &session.site.cameras.get(other)?.id;
             let apart = session.site.units.short_length(apart);
-            return Some(format!("{} and {other} disagree by {apart}. Press Refine all (F9).", camera.id));
+            let is_current = !session.solved.is_joint_out_of_date();
+            let advice = if is_current && session.solved.joint_report().is_some() {
+                "Check the links between them: undo the wrong one, then link the point again."
+            } else {
+                "Press Refine all."
+            };
+            return Some(format!("{} and {other} disagree by {apart}. {advice}", camera.id));
         }
     }
     None

@@ -92,13 +92,21 @@ impl Segment {
     }
 
     /// Returns the gesture after a click: it accepts a detected edge, or sets the first end of a line.
-    fn click(&self, session: &mut Session, (camera, start): (usize, Pixel), pointer: &Pointer) -> Gesture {
+    fn click(
+        &mut self,
+        session: &mut Session,
+        (camera, start): (usize, Pixel),
+        pointer: &Pointer,
+    ) -> Gesture {
         match pointer.edge {
             Some(edge) => {
                 self.add_line(session, camera, from_foot_to_head(self.kind, edge));
                 Gesture::Idle
             }
-            None => Gesture::Placed { camera, start, end: pointer.at.into() },
+            None => {
+                self.shown = [start, start];
+                Gesture::Placed { camera, start, end: pointer.at.into() }
+            }
         }
     }
 

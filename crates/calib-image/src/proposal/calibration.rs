@@ -25,7 +25,7 @@ use super::join::Line;
 use super::mixture::{CameraPrior, Mixture};
 use super::search::{Hypothesis, hypotheses};
 use super::strokes::{Group, entry, groups, select_strokes, solve_entry, stroke};
-use crate::bars::Bars;
+use crate::bars::{Bars, ImageEdges};
 use crate::line_segment::LineSegment;
 
 /// Confidence of an automatic calibration.
@@ -204,9 +204,9 @@ pub struct EdgeImage {
     pub segments: Vec<LineSegment>,
     /// Width and height, in pixels.
     pub size: [u32; 2],
-    /// Known values of the lens: focal length, data sheet, principal point and pixel aspect. Without a principal point,
-    /// it is the centre of the image circle, or near the centre of the picture. Without a pixel aspect, pixels are
-    /// assumed to be square. Distortion and image circle are not read from here.
+    /// Known values of the lens: focal length, data sheet, principal point and pixel aspect; other values are not used.
+    /// Without a principal point, it is the centre of the image circle, or near the centre of the picture. Without a
+    /// pixel aspect, pixels are assumed to be square.
     pub known: LensEntry,
     /// Black bars at the sides of the image.
     pub bars: Bars,
@@ -388,31 +388,28 @@ impl AutomaticCalibration {
     ///
     /// `r^2` is almost linear in `s^2`: right angles and the principal point contribute a constant. Therefore `s^2` is
     /// found by the secant method. It starts from the present solution, with the usual standard deviation of 1 pixel.
+    ///
+    /// A fixed focal length has no standard deviation; the strokes then have the usual one of automatic edges.
     fn widen_strokes(&mut self, target: f64) -> f64 {
         /// Largest number of solves.
         const MAX_SOLVES: usize = 6;
-        let mut found = [1.0, self.solution.as_ref().map_or(UNKNOWN_FOCAL_SIGMA, relative_focal_sigma)];
-        let mut stroke_sigma = SIGMA_INFLATION;
-        let Some(camera) = self.camera.as_mut() else { return stroke_sigma };
+        let Some(camera) = self.camera.as_mut() else { return SIGMA_INFLATION };
+        let mut before = [1.0, self.solution.as_ref().and_then(relative_focal_sigma).unwrap_or(target)];
+        let (mut solved, mut next) = (SIGMA_INFLATION, SIGMA_INFLATION);
         for _ in 0..MAX_SOLVES {
-            stroke_sigma = (100.0 * stroke_sigma.clamp(1.0, MAX_STROKE_SIGMA_PX)).round() / 100.0;
-            camera.annotations.iter_mut().for_each(|annotation| annotation.sigma_px = Some(stroke_sigma));
+            camera.annotations.iter_mut().for_each(|annotation| annotation.sigma_px = Some(next));
             let Some(solution) = solve_entry(camera) else { break };
             let sigma = relative_focal_sigma(&solution);
-            self.solution = Some(solution);
-            let is_largest = stroke_sigma >= MAX_STROKE_SIGMA_PX && sigma < target;
-            if is_largest || (target / sigma).ln().abs() < 0.03 {
+            (self.solution, solved) = (Some(solution), next);
+            let Some(sigma) = sigma.filter(|sigma| (target / sigma).ln().abs() > 0.03) else { break };
+            next = next_stroke_sigma(before, [solved, sigma], target);
+            before = [solved, sigma];
+            if next == solved {
                 break;
             }
-            let [before, of_before] = std::mem::replace(&mut found, [stroke_sigma, sigma]);
-            let slope = (sigma.powi(2) - of_before.powi(2)) / (stroke_sigma.powi(2) - before.powi(2));
-            let square = stroke_sigma.powi(2) + (target.powi(2) - sigma.powi(2)) / slope;
-            // At most a factor of 4 at a time, also if the solution does not depend on the strokes.
-            let limits = [0.25 * stroke_sigma, 4.0 * stroke_sigma];
-            stroke_sigma = if slope > 0.0 { square.max(0.0).sqrt() } else { limits[1] };
-            stroke_sigma = stroke_sigma.clamp(limits[0], limits[1]);
         }
-        stroke_sigma
+        camera.annotations.iter_mut().for_each(|annotation| annotation.sigma_px = Some(solved));
+        solved
     }
 
     /// Sets the confidence and its reasons. Returns the rival mixture if it is one of the reasons.
@@ -450,10 +447,10 @@ impl AutomaticCalibration {
         if self.reasons.is_empty() && sigma >= MAX_SURE_FOCAL_SIGMA {
             self.reasons.push(Reason::FocalUncertain { sigma });
         }
-        let is_believed = is_complete && unusual < MAX_CHECK_PRIOR_Z_SCORE && sigma < MAX_CHECK_FOCAL_SIGMA;
+        let is_plausible = is_complete && unusual < MAX_CHECK_PRIOR_Z_SCORE && sigma < MAX_CHECK_FOCAL_SIGMA;
         self.confidence = match self.reasons.is_empty() {
             true => Confidence::Sure,
-            false if is_believed => Confidence::Check,
+            false if is_plausible => Confidence::Check,
             false => Confidence::None,
         };
         rival
@@ -467,7 +464,7 @@ impl AutomaticCalibration {
         if verticals.is_none_or(|group| group.probabilities.len() < 2) {
             return Some(Reason::NoVerticals);
         }
-        (levels < 2 && !is_focal_known).then_some(Reason::OneDirection { sigma })
+        (levels < if is_focal_known { 1 } else { 2 }).then_some(Reason::OneDirection { sigma })
     }
 }
 
@@ -512,14 +509,14 @@ impl EdgeImage {
 
     /// Creates the input for a camera of a site. The lens is known if the site specifies the distortion.
     #[must_use]
-    pub fn from_camera(camera: &SiteCamera, segments: Vec<LineSegment>) -> Self {
+    pub fn from_camera(camera: &SiteCamera, edges: ImageEdges) -> Self {
         let given = camera.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
         let is_known = given.is_some_and(|distortion| distortion.distortion().is_some());
         Self {
             known: camera.known_lens(),
             lens: is_known.then(|| camera.lens()),
             image_circle: camera.image_circle(),
-            ..Self::new(segments, camera.size_px)
+            ..Self::new(edges.segments, camera.size_px).with_bars(edges.bars)
         }
     }
 
@@ -658,22 +655,39 @@ impl FocalSigmas {
 /// multiplied by [`SIGMA_INFLATION`]. The part from the uncertainty of the principal point is not. A second solution
 /// with a fixed principal point separates both parts.
 fn own_focal_sigma(camera: &SiteCamera, solution: &Solution) -> f64 {
-    let mut held = camera.clone();
+    let mut fixed = camera.clone();
     let centre = PrincipalPointEntry::known(camera.principal_point());
-    held.lens.get_or_insert_default().principal_point_px = Some(centre);
-    let whole = relative_focal_sigma(solution);
-    // A known principal point is held already.
-    let is_held = held == *camera;
-    let of_held = || solve_entry(&held).as_ref().map_or(whole, relative_focal_sigma);
-    let lines = if is_held { whole } else { of_held().min(whole) };
+    fixed.lens.get_or_insert_default().principal_point_px = Some(centre);
+    let relative = |solution: &Solution| relative_focal_sigma(solution).unwrap_or(UNKNOWN_FOCAL_SIGMA);
+    let whole = relative(solution);
+    // A known principal point is fixed already.
+    let is_fixed = fixed == *camera;
+    let with_fixed = || solve_entry(&fixed).as_ref().map_or(whole, relative);
+    let lines = if is_fixed { whole } else { with_fixed().min(whole) };
     let of_centre = (whole * whole - lines * lines).max(0.0);
     (SIGMA_INFLATION * lines).hypot(of_centre.sqrt()).min(UNKNOWN_FOCAL_SIGMA)
 }
 
-/// Returns the relative standard deviation of the focal length of a solution.
-fn relative_focal_sigma(solution: &Solution) -> f64 {
-    let sigma = solution.sigma.as_ref().and_then(|sigma| sigma.focal_px);
-    sigma.map_or(UNKNOWN_FOCAL_SIGMA, |sigma| sigma / solution.focal_px)
+/// Returns the relative standard deviation of the focal length of a solution; `None` if the focal length is fixed.
+fn relative_focal_sigma(solution: &Solution) -> Option<f64> {
+    let sigma = solution.sigma.as_ref()?.focal_px?;
+    Some((sigma / solution.focal_px).min(UNKNOWN_FOCAL_SIGMA))
+}
+
+/// Returns the next standard deviation of the strokes by the secant method, in pixels. Each pair contains a standard
+/// deviation of the strokes, and the relative standard deviation of the focal length to which it leads.
+fn next_stroke_sigma([s0, r0]: [f64; 2], [s1, r1]: [f64; 2], target: f64) -> f64 {
+    /// Largest factor of one step, also if the solution depends little on the strokes.
+    const MAX_FACTOR: f64 = 4.0;
+    let slope = (r1.powi(2) - r0.powi(2)) / (s1.powi(2) - s0.powi(2));
+    let square = 1.0 + (target.powi(2) - r1.powi(2)) / (slope * s1.powi(2));
+    let factor = match slope > 0.0 {
+        true => square.max(0.0).sqrt(),
+        false if r1 < target => MAX_FACTOR,
+        false => MAX_FACTOR.recip(),
+    };
+    let next = s1 * factor.clamp(MAX_FACTOR.recip(), MAX_FACTOR);
+    (100.0 * next.clamp(1.0, MAX_STROKE_SIGMA_PX)).round() / 100.0
 }
 
 /// Whether the solution of the strokes differs from the camera of all edges in roll or pitch by more than

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use calib_editor::{AllowedFiles, Edge, FileResult, Source};
-use calib_image::{AutomaticCalibration, Comparison, LineSegment, SitePlacement};
+use calib_image::{AutomaticCalibration, Comparison, ImageEdges, SitePlacement};
 use calib_plan::View;
 use calib_site::{Recovered, Site, SiteCamera};
 use egui::Context;
@@ -124,14 +124,14 @@ impl Platform for Native {
         task::find_edges(ctx, image)
     }
 
-    fn measure_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Result<Vec<LineSegment>, String>> {
+    fn measure_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Result<ImageEdges, String>> {
         task::measure_edges(ctx, image)
     }
 
     fn propose(
         ctx: &Context,
         camera: SiteCamera,
-        edges: Vec<LineSegment>,
+        edges: ImageEdges,
     ) -> Task<Result<AutomaticCalibration, String>> {
         task::propose(ctx, camera, edges)
     }

@@ -7,8 +7,7 @@ use std::sync::{Arc, OnceLock};
 
 use calib_editor::{Edge, Source, decode, edges, refined};
 use calib_image::{
-    AutomaticCalibration, Comparison, EdgeImage, LineSegment, PairRegistration, PlacementSearch,
-    SitePlacement, line_segments,
+    AutomaticCalibration, Comparison, EdgeImage, ImageEdges, PairRegistration, PlacementSearch, SitePlacement,
 };
 use calib_plan::{DrawingKind, View};
 use calib_site::{Recovered, Site, SiteCamera};
@@ -203,15 +202,15 @@ pub(super) fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>
     Task::spawn(ctx, move || edges::detect(&image))
 }
 
-pub(super) fn measure_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Result<Vec<LineSegment>, String>> {
+pub(super) fn measure_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Result<ImageEdges, String>> {
     let image = Arc::clone(image);
-    Task::spawn_apart(ctx, move || Ok(line_segments(&image)))
+    Task::spawn_apart(ctx, move || Ok(ImageEdges::measure(&image)))
 }
 
 pub(super) fn propose(
     ctx: &Context,
     camera: SiteCamera,
-    edges: Vec<LineSegment>,
+    edges: ImageEdges,
 ) -> Task<Result<AutomaticCalibration, String>> {
     Task::spawn_apart(ctx, move || Ok(AutomaticCalibration::new(&EdgeImage::from_camera(&camera, edges))))
 }

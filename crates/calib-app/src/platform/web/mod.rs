@@ -10,7 +10,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use calib_editor::{AllowedFiles, Edge, FileResult, Source};
-use calib_image::{AutomaticCalibration, Comparison, LineSegment, SitePlacement};
+use calib_image::{AutomaticCalibration, Comparison, ImageEdges, SitePlacement};
 use calib_plan::{DrawingKind, View};
 use calib_site::{Recovered, Site, SiteCamera};
 use egui::Context;
@@ -163,7 +163,7 @@ impl Platform for Web {
         Task::wait(ctx, async move { worker::edges(&image).await.unwrap_or_default() })
     }
 
-    fn measure_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Result<Vec<LineSegment>, String>> {
+    fn measure_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Result<ImageEdges, String>> {
         let image = Arc::clone(image);
         Task::wait(ctx, async move { worker::measure_edges(&image).await })
     }
@@ -171,7 +171,7 @@ impl Platform for Web {
     fn propose(
         ctx: &Context,
         camera: SiteCamera,
-        edges: Vec<LineSegment>,
+        edges: ImageEdges,
     ) -> Task<Result<AutomaticCalibration, String>> {
         Task::wait(ctx, async move { worker::propose(&camera, &edges).await })
     }

@@ -1,7 +1,7 @@
 //! Requests to the page's workers, and their answers.
 
 use calib_editor::{Edge, Source, edges};
-use calib_image::{AutomaticCalibration, Comparison, LineSegment, PlacementSearch, SitePlacement};
+use calib_image::{AutomaticCalibration, Comparison, ImageEdges, PlacementSearch, SitePlacement};
 use calib_plan::{DrawingFacts, View};
 use calib_site::{Recovered, Site, SiteCamera};
 use image::RgbImage;
@@ -108,15 +108,12 @@ pub(crate) async fn refine(site: &Site) -> Result<Site, String> {
 }
 
 /// Measures the straight edges of an image with subpixel accuracy in a worker.
-pub(crate) async fn measure_edges(image: &RgbImage) -> Result<Vec<LineSegment>, String> {
+pub(crate) async fn measure_edges(image: &RgbImage) -> Result<ImageEdges, String> {
     parsed(&request(PROPOSE, "", image.width(), image).await?)
 }
 
 /// Calibrates a camera from measured edges, in the worker that measured them.
-pub(crate) async fn propose(
-    camera: &SiteCamera,
-    edges: &[LineSegment],
-) -> Result<AutomaticCalibration, String> {
+pub(crate) async fn propose(camera: &SiteCamera, edges: &ImageEdges) -> Result<AutomaticCalibration, String> {
     let asked = page::write(&(camera, edges))?;
     parsed(&request(PROPOSE, "", 0, asked.as_bytes()).await?)
 }
