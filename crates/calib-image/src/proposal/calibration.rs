@@ -311,16 +311,13 @@ impl AutomaticCalibration {
         const MAX_SURE_DEVIATION: f64 = 2.0;
         /// The same for `check`.
         const MAX_CHECK_DEVIATION: f64 = 3.0;
+        let lens = image.lens.unwrap_or_else(|| image.pinhole());
+        let Some(Known { value, sigma, .. }) = image.known_focal(&lens) else { return self };
         let known = image.known.without_known_focal();
-        if known == image.known {
-            return self;
-        }
-        let focal = |found: &Self| Some((found.solution.as_ref()?.focal_px, found.focal_sigma_rel?));
         let alone = Self::new(&EdgeImage { known, ..image.clone() });
-        let Some(((with, sigma), (without, alone_sigma))) = focal(&self).zip(focal(&alone)) else {
-            return self;
-        };
-        let deviation = (with / without).ln().abs() / sigma.hypot(alone_sigma);
+        let Some((solution, alone_sigma)) = alone.solution.zip(alone.focal_sigma_rel) else { return self };
+        let deviation =
+            (value / solution.focal_px).ln().abs() / alone_sigma.hypot(sigma.unwrap_or(0.0) / value);
         if deviation > MAX_SURE_DEVIATION {
             let is_usable = deviation < MAX_CHECK_DEVIATION;
             self.confidence =
