@@ -38,7 +38,7 @@ const SUBTITLE: &str =
 
 /// Steps of a calibration: picture, title and text.
 const STEPS: [(Picture, &str, &str); 3] = [
-    (DRAW, "Draw", "Vertical, parallel and perpendicular lines determine the orientation of the camera."),
+    (DRAW, "Draw", "Vertical, parallel and perpendicular lines show how the camera is tilted."),
     (PLACE, "Place", "Move, rotate and scale the field of view on the plan."),
     (CHECK, "Check", "A mark should be on the same spot in every view."),
 ];

@@ -36,8 +36,8 @@ impl App {
     fn add_frame(&mut self, ctx: &Context, sheet: &VideoSheet, image: Chosen) {
         if (sheet.pixel_aspect - 1.0).abs() > 1e-3 {
             self.act(Action::Note(format!(
-                "The pixels of this video are not square. Enter \"pixel_aspect\": {:.4} in the lens of the camera in \
-                 the site file.",
+                "The pixels of this video are not square. Open Known values in the panel Camera, and enter the pixel \
+                 aspect {:.4}.",
                 sheet.pixel_aspect
             )));
         }
