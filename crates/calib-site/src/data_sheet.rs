@@ -235,7 +235,8 @@ impl Words {
         let given: Vec<char> = text.to_lowercase().chars().collect();
         let is_digit = |at: usize| given.get(at).is_some_and(char::is_ascii_digit);
         let is_part = |at: &usize| is_digit(*at) || given.get(*at) == Some(&'.');
-        // A comma separates decimals, unless a number beside it has decimals already.
+        // A comma between two digits is a decimal comma. It is a separator in `1/2.7,2.8mm`, where a point separates the
+        // decimals.
         let is_decimal_comma = |at: usize| {
             let mut beside =
                 (0..at).rev().take_while(is_part).chain((at + 1..given.len()).take_while(is_part));

@@ -176,8 +176,9 @@ fn select_greedily(
     chosen
 }
 
-/// Returns the smallest and the largest tested focal length, in pixels: those of a known focal length, otherwise those
-/// of usual fields of view. `width` is the width of the image, in pixels.
+/// Returns the smallest and the largest focal length to test, in pixels. They follow from the entered focal length and
+/// its standard deviation. Without an entry, they follow from the smallest and largest usual field of view. `width` is
+/// the width of the image, in pixels.
 fn focal_range(width: f64, prior: &CameraPrior) -> [f64; 2] {
     prior.focal_range().unwrap_or_else(|| {
         let [narrow, wide] =
