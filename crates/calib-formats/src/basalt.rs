@@ -3,12 +3,11 @@
 //! Pixels count from the centre of the first pixel, as in OpenCV.
 
 use calib_core::Distortion;
-use calib_core::camera::Coefficient;
 
 use crate::file::FormatError;
 use crate::given::{Imported, ImportedCamera, site_with_notes};
 use crate::input::Input;
-use crate::lens_keys::distortion_of_terms;
+use crate::lens_keys::{distortion_of_terms, sphere_gain};
 use crate::tree::{Node, Syntax};
 
 pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
@@ -21,11 +20,7 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
         let sizes = calibration.get("resolution").map_or(Ok(Vec::new()), |sizes| sizes.items())?;
         for (index, camera) in calibration.require(&["intrinsics"])?.items()?.iter().enumerate() {
             let mut lens = lens(&format!("cam{index}"), camera)?.with_path(&file.name);
-            if let Some(size) = sizes.get(index) {
-                let sides = size.items()?;
-                let [width, height] = &sides[..] else { return Err(size.unexpected("width and height")) };
-                lens.size = Some([width.side()?, height.side()?]);
-            }
+            lens.size = sizes.get(index).map(Node::sides).transpose()?;
             given.push(lens);
         }
         rest.extend(root.unread_keys());
@@ -33,7 +28,6 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
     site_with_notes(given, rest, files, &files[0].name)
 }
 
-/// Reads a lens. The focal lengths of the double sphere model are `1 + xi` times ours.
 fn lens(id: &str, camera: &Node) -> Result<ImportedCamera, FormatError> {
     let (model, values) = (camera.require(&["camera_type"])?, camera.require(&["intrinsics"])?);
     let number = |key: &str| values.require(&[key])?.number();
@@ -52,7 +46,7 @@ fn lens(id: &str, camera: &Node) -> Result<ImportedCamera, FormatError> {
         }
         "ds" => {
             let (xi, alpha) = (number("xi")?, number("alpha")?);
-            (1.0 + xi, Distortion::DoubleSphere { xi, alpha })
+            (sphere_gain(xi, &values)?, Distortion::DoubleSphere { xi, alpha })
         }
         "eucm" => (1.0, Distortion::Eucm { alpha: number("alpha")?, beta: number("beta")? }),
         "ucm" => {
@@ -68,10 +62,6 @@ fn lens(id: &str, camera: &Node) -> Result<ImportedCamera, FormatError> {
             return Err(model.unexpected(known));
         }
     };
-    let [least, _] = Coefficient::Xi.bounds();
-    if gain - 1.0 < least {
-        return Err(values.unexpected("xi above -1"));
-    }
     let [fx, fy, cx, cy] = [number("fx")?, number("fy")?, number("cx")?, number("cy")?];
     let k = [fx / gain, fy / gain, cx + 0.5, cy + 0.5];
     Ok(ImportedCamera { distortion, ..ImportedCamera::new(id, values.place(), k) })

@@ -22,10 +22,7 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
             let id = camera.get("name").and_then(|name| name.text().ok()).unwrap_or(key);
             let mut lens = ImportedCamera::new(id, camera.place(), intrinsics).with_path(&file.name);
             refuse_unknown_distortion(&camera, &["distortions", "distortion"])?;
-            let size = camera.require(&["size"])?;
-            let sides = size.items()?;
-            let [width, height] = &sides[..] else { return Err(size.unexpected("width and height")) };
-            lens.size = Some([width.side()?, height.side()?]);
+            lens.size = Some(camera.require(&["size"])?.sides()?);
             if let Some(terms) = camera.first_of(&["distortions", "distortion"]) {
                 lens.distortion = distortion(&terms, fisheye_flag(&camera)? == Some(true))?;
             }

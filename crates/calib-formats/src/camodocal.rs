@@ -3,12 +3,12 @@
 //! Pixels count from the centre of the first pixel, as in OpenCV.
 
 use calib_core::Distortion;
-use calib_core::camera::{Coefficient, Unified};
+use calib_core::camera::Unified;
 
 use crate::file::FormatError;
 use crate::given::{Imported, ImportedCamera, site_with_notes};
 use crate::input::Input;
-use crate::lens_keys::distortion_of_terms;
+use crate::lens_keys::{distortion_of_terms, sphere_gain};
 use crate::tree::{Node, Syntax};
 
 pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
@@ -52,13 +52,10 @@ fn lens(id: &str, root: &Node) -> Result<ImportedCamera, FormatError> {
         }
         "MEI" => {
             let xi = root.require(&["mirror_parameters"])?.require(&["xi"])?;
-            let ([least, _], value) = (Coefficient::Xi.bounds(), xi.number()?);
-            if value < least {
-                return Err(xi.unexpected("xi above -1"));
-            }
+            let value = xi.number()?;
             let [gx, gy, u0, v0] = four(["gamma1", "gamma2", "u0", "v0"])?;
             let (radial, tangential) = ([term("k1")?, term("k2")?], [term("p1")?, term("p2")?]);
-            let gain = 1.0 + value;
+            let gain = sphere_gain(value, &xi)?;
             ([gx / gain, gy / gain, u0, v0], Distortion::Unified(Unified { xi: value, radial, tangential }))
         }
         "SCARAMUZZA" => return Err(model.unexpected("another model; import SCARAMUZZA as ocamcalib")),

@@ -9,14 +9,14 @@ use std::fmt::Write as _;
 
 use calib_core::Distortion;
 
-use calib_core::camera::{Coefficient, Unified};
+use calib_core::camera::Unified;
 
 use crate::export::{Export, Scene};
 use crate::file::{FormatError, quoted};
 use crate::fisheye::rotate;
 use crate::given::{Imported, ImportedCamera, site_with_notes};
 use crate::input::Input;
-use crate::lens_keys::{distortion, refuse_unknown_distortion};
+use crate::lens_keys::{distortion, refuse_unknown_distortion, sphere_gain};
 use crate::tree::{Node, Syntax, joined, quote};
 use crate::view::{Terms, View};
 
@@ -128,16 +128,9 @@ fn lens(name: &str, camera: &Node) -> Result<ImportedCamera, FormatError> {
         }
         _ => return Err(model.unexpected("pinhole, omni, ds or eucm, the supported camera models")),
     };
-    let gain = 1.0 + sphere.map_or(0.0, |(xi, _)| xi);
-    let [least, _] = Coefficient::Xi.bounds();
-    if gain - 1.0 < least {
-        return Err(intrinsics.unexpected("xi above -1"));
-    }
+    let gain = sphere_gain(sphere.map_or(0.0, |(xi, _)| xi), &intrinsics)?;
     let mut given = ImportedCamera::new(name, camera.place(), [fx / gain, fy / gain, cx + 0.5, cy + 0.5]);
-    let size = camera.require(&["resolution"])?;
-    let sides = size.items()?;
-    let [width, height] = &sides[..] else { return Err(size.unexpected("width and height")) };
-    given.size = Some([width.side()?, height.side()?]);
+    given.size = Some(camera.require(&["resolution"])?.sides()?);
     let extra = extra_distortion(camera)?;
     given.distortion = match (sphere, extra) {
         (None, extra) => extra,

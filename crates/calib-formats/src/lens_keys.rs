@@ -1,6 +1,6 @@
 //! Keys and distortion of a lens in `OpenCV`'s terms. Programs write them in many ways.
 
-use calib_core::camera::Rational;
+use calib_core::camera::{Coefficient, Rational};
 use calib_core::{BrownConrady, Distortion};
 
 use crate::file::{FormatError, quoted};
@@ -240,4 +240,11 @@ pub(crate) fn distortion_of_terms([k1, k2, p1, p2, k3, k4, k5, k6, prism @ ..]: 
         return Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 });
     }
     Distortion::Rational(Rational { radial: [k1, k2, k3, k4, k5, k6], tangential: [p1, p2], prism })
+}
+
+/// Returns `1 + xi`: the focal lengths of the unified and of the double sphere model of other programs are this many
+/// times ours, which apply at the centre of the image. Fails at `node` if xi is too small.
+pub(crate) fn sphere_gain(xi: f64, node: &Node) -> Result<f64, FormatError> {
+    let [least, _] = Coefficient::Xi.bounds();
+    if xi < least { Err(node.unexpected("xi above -1")) } else { Ok(1.0 + xi) }
 }

@@ -256,12 +256,7 @@ fn size(root: &Node) -> Result<Option<[u32; 2]>, FormatError> {
     if let (Some(width), Some(height)) = keys {
         return Ok(Some([width.side()?, height.side()?]));
     }
-    let Some(both) = root.first_of(&["image_size", "imageSize", "resolution", "size"]) else {
-        return Ok(None);
-    };
-    let items = both.items()?;
-    let [width, height] = &items[..] else { return Err(both.unexpected("width and height")) };
-    Ok(Some([width.side()?, height.side()?]))
+    root.first_of(&["image_size", "imageSize", "resolution", "size"]).map(|size| size.sides()).transpose()
 }
 
 /// Returns rational terms in the order of `OpenCV`, without the thin-prism terms if they are 0.

@@ -329,6 +329,13 @@ impl<'a> Node<'a> {
         Err(self.unexpected(&format!("a whole number of pixels up to {most}")))
     }
 
+    /// Returns the width and height of an image from a list, in pixels.
+    pub(crate) fn sides(&self) -> Result<[u32; 2], FormatError> {
+        let sides = self.items()?;
+        let [width, height] = &sides[..] else { return Err(self.unexpected("width and height")) };
+        Ok([width.side()?, height.side()?])
+    }
+
     pub(crate) fn text(&self) -> Result<&'a str, FormatError> {
         self.mark_read();
         self.value.as_str().ok_or_else(|| self.unexpected("text"))
