@@ -5,10 +5,9 @@
 mod desk;
 
 use calib_app::state::Place;
-use calib_app::storage::files::Images;
 use calib_core::{Kind, Pixel};
 use calib_editor::Pane;
-use desk::{Desk, demo};
+use desk::{Desk, demo, last_vertical, with_edge};
 use egui::{Event, Key, Modifiers, PointerButton, Pos2, TouchDeviceId, TouchId, TouchPhase, Vec2};
 use egui_kittest::kittest::Queryable as _;
 
@@ -170,26 +169,14 @@ fn drag_of_an_existing_end_moves_it_and_a_click_there_starts_a_line() {
 #[test]
 fn alt_moves_only_the_end_at_the_pointer_onto_the_edge_under_it() {
     let edge = |v: f64| 700.3 + 0.02 * v;
-    let picture = image::RgbImage::from_fn(1920, 1080, |x, y| {
-        let off = f64::from(x) + 0.5 - edge(f64::from(y) + 0.5);
-        image::Rgb([(60.0 + 120.0 / (1.0 + (-1.7 * off).exp())) as u8; 3])
-    });
-    let mut png = std::io::Cursor::new(Vec::new());
-    picture.write_to(&mut png, image::ImageFormat::Png).unwrap();
-    let (mut images, mut site) = (Images::default(), demo());
+    let mut site = demo();
     site.cameras[0].annotations.clear();
-    site.cameras[0].image = Some(images.store(png.into_inner().into(), "image/png", None));
-    let mut desk = Desk::with(site, images);
-    desk.wait(|app| app.pictures.loading() == 0);
+    let mut desk = with_edge(site, edge);
     desk.take("Vertical");
-    let drawn = |desk: &Desk| {
-        let last = desk.site().cameras[0].annotations.iter().rfind(|a| a.kind == Kind::Vertical).unwrap();
-        last.segments.as_ref().unwrap().last().unwrap().clone()
-    };
     let (from, to) = (Pixel::new(edge(300.0) + 30.0, 300.0), Pixel::new(edge(700.0) + 5.0, 700.0));
     let points = [from, to].map(|pixel| desk.screen(Pane::Image(0), pixel.into()));
     desk.drag_screen(&points, Modifiers::ALT);
-    let line = drawn(&desk);
+    let line = last_vertical(&desk);
     assert!(line[0].distance(from) < 1e-2, "the start is far from the edge and stays: {line:?}");
     assert!((line[1].u - edge(line[1].v)).abs() < 0.5, "{} px off the edge", line[1].u - edge(line[1].v));
 
@@ -198,7 +185,7 @@ fn alt_moves_only_the_end_at_the_pointer_onto_the_edge_under_it() {
     let near = Pixel::new(edge(320.0) - 4.0, 320.0);
     let points = [line[0], near].map(|pixel| desk.screen(Pane::Image(0), pixel.into()));
     desk.drag_screen(&points, Modifiers::ALT);
-    let moved = drawn(&desk);
+    let moved = last_vertical(&desk);
     assert!(moved[1].distance(line[1]) < 1e-6, "the other end stays");
     assert!((moved[0].u - edge(moved[0].v)).abs() < 0.5, "{moved:?}");
 }

@@ -13,7 +13,7 @@ use calib_core::{Annotation, Kind, Pixel, WorldPoint};
 use calib_editor::{Action, Pane, Part, PlanHandle, TOOLS, Units, plan_handles};
 use calib_site::Site;
 use calib_tests::Scratch;
-use desk::{Desk, demo, still};
+use desk::{Desk, demo, last_vertical, still, with_edge};
 use egui::{Event, Key, Modifiers, Pos2, Vec2};
 use egui_kittest::kittest::Queryable as _;
 
@@ -237,27 +237,14 @@ fn dragged_points_snap_only_on_request() {
 #[test]
 fn line_dragged_with_alt_snaps_to_the_edge() {
     let edge = |v: f64| 800.3 + 0.1 * v;
-    let picture = image::RgbImage::from_fn(1920, 1080, |x, y| {
-        let off = f64::from(x) + 0.5 - edge(f64::from(y) + 0.5);
-        image::Rgb([(60.0 + 120.0 / (1.0 + (-1.7 * off).exp())) as u8; 3])
-    });
-    let mut png = std::io::Cursor::new(Vec::new());
-    picture.write_to(&mut png, image::ImageFormat::Png).unwrap();
-    let (mut images, mut site) = (Images::default(), demo());
-    site.cameras[0].image = Some(images.store(png.into_inner().into(), "image/png", None));
-    let mut desk = Desk::with(site, images);
-    desk.wait(|app| app.pictures.loading() == 0);
+    let mut desk = with_edge(demo(), edge);
     desk.take("Vertical");
     desk.line(0, Pixel::new(edge(300.0) + 60.0, 300.0), Pixel::new(edge(700.0) + 60.0, 700.0));
     desk.take("Select");
-    let drawn = |desk: &Desk| {
-        let last = desk.site().cameras[0].annotations.iter().rfind(|a| a.kind == Kind::Vertical).unwrap();
-        last.segments.as_ref().unwrap().last().unwrap().clone()
-    };
     let middle = Pixel::new(edge(500.0) + 60.0, 500.0);
     let [from, to] = [0.0, 57.0].map(|by| desk.screen(Pane::Image(0), [middle.u - by, middle.v]));
     desk.drag_screen(&[from, to], Modifiers::ALT);
-    for p in drawn(&desk) {
+    for p in last_vertical(&desk) {
         assert!((p.u - edge(p.v)).abs() < 0.15, "{} px off the edge", p.u - edge(p.v));
     }
 }

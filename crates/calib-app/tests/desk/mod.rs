@@ -191,6 +191,28 @@ impl Desk {
     }
 }
 
+/// Opens a site whose first camera shows one vertical edge; `edge` returns u of the edge at a v, in pixels.
+pub(crate) fn with_edge(mut site: Site, edge: impl Fn(f64) -> f64) -> Desk {
+    let picture = image::RgbImage::from_fn(1920, 1080, |x, y| {
+        let off = f64::from(x) + 0.5 - edge(f64::from(y) + 0.5);
+        image::Rgb([(60.0 + 120.0 / (1.0 + (-1.7 * off).exp())) as u8; 3])
+    });
+    let mut png = std::io::Cursor::new(Vec::new());
+    picture.write_to(&mut png, image::ImageFormat::Png).unwrap();
+    let mut images = Images::default();
+    site.cameras[0].image = Some(images.store(png.into_inner().into(), "image/png", None));
+    let mut desk = Desk::with(site, images);
+    desk.wait(|app| app.pictures.loading() == 0);
+    desk
+}
+
+/// Returns the last segment of the last vertical of the first camera.
+pub(crate) fn last_vertical(desk: &Desk) -> Vec<Pixel> {
+    let annotations = &desk.site().cameras[0].annotations;
+    let last = annotations.iter().rfind(|drawn| drawn.kind == calib_core::Kind::Vertical).unwrap();
+    last.segments.as_ref().unwrap().last().unwrap().clone()
+}
+
 /// Changes the site as one gesture.
 pub(crate) fn change(app: &mut App, name: &str, change: impl FnOnce(&mut Site)) {
     let mut site = app.editor.site().clone();
