@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use calib_core::{Annotation, ImageCircle};
 use calib_image::{
-    AutomaticCalibration, Bars, Confidence, EdgeImage, Group, SitePlacement, image_circle, line_segments,
+    AutomaticCalibration, Bars, Confidence, EdgeImage, Group, ImageEdges, SitePlacement, image_circle,
 };
 use calib_report::{is_lens_estimated, overlay, shortened_list, straight_down_text};
 use calib_site::{DataSheet, LensEntry, Options, PixelAspectEntry, Site, SiteCamera};
@@ -166,9 +166,9 @@ fn calibrate_image(path: PathBuf, args: &Args) -> Result<ImageCalibration, Comma
     let image = site_file::read_image(&path)?;
     let size = [image.width(), image.height()];
     let image_circle = image_circle(&image);
-    let bars = Bars::find(&image);
+    let ImageEdges { segments, bars } = ImageEdges::measure(&image);
     let known = args.known_lens(size)?;
-    let still = EdgeImage::new(line_segments(&image), size).with_bars(bars);
+    let still = EdgeImage::new(segments, size).with_bars(bars);
     let proposal = AutomaticCalibration::new(&EdgeImage { image_circle, known: known.clone(), ..still });
     let is_accepted = args.accept.accepts(&proposal);
     Ok(ImageCalibration { path, size, known, image_circle, bars, calibration: proposal, is_accepted })

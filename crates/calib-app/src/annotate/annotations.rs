@@ -168,11 +168,11 @@ fn group(
             }
         });
     });
-    requests.extend(asked_size(ui, units, annotation, index, guess));
+    requests.extend(requested_size(ui, units, annotation, index, guess));
 }
 
 /// Shows a field for the size of an annotation that waits for it; returns the request with the entered size.
-fn asked_size(
+fn requested_size(
     ui: &mut Ui,
     units: Units,
     annotation: &Annotation,

@@ -2,9 +2,8 @@
 
 use calib_core::Pixel;
 use calib_core::single::PrincipalPointPrior;
-use calib_site::{
-    DataSheet, LensEntry, PixelAspectEntry, PrincipalPointEntry, SiteCamera, usual_pixel_aspect,
-};
+use calib_editor::Period;
+use calib_site::{DataSheet, LensEntry, PixelAspectEntry, PrincipalPointEntry, usual_pixel_aspect};
 use egui::{CollapsingHeader, ComboBox, DragValue, RichText, TextEdit, Ui};
 
 use crate::state::App;
@@ -12,7 +11,8 @@ use crate::theme;
 
 /// Shows the known values of the current camera's lens, if the camera has its own lens.
 pub(crate) fn known_values_ui(app: &mut App, ui: &mut Ui) {
-    let Some(entry) = app.editor.session().entry().cloned() else { return };
+    let Some(entry) = app.editor.session().entry() else { return };
+    let (of, size) = (Period::from_camera(entry), entry.size_px);
     let lens = entry.lens.clone().unwrap_or_default();
     // A camera with the lens of another camera uses the values of that camera. A window refers to an image of another
     // size.
@@ -24,16 +24,16 @@ pub(crate) fn known_values_ui(app: &mut App, ui: &mut Ui) {
         || lens.principal_point_px.is_some();
     let section = CollapsingHeader::new("Known values").id_salt("known values").default_open(is_entered);
     section.show(ui, |ui| {
-        data_sheet(app, ui, &entry, &lens);
-        pixel_aspect(app, ui, &entry, &lens);
-        principal_point(app, ui, &entry, &lens);
+        data_sheet(app, ui, (&of, size), &lens);
+        pixel_aspect(app, ui, size, &lens);
+        principal_point(app, ui, size, &lens);
     });
 }
 
 /// Shows the field for the data sheet. A text that is not understood stays in the field, with a message below it.
-fn data_sheet(app: &mut App, ui: &mut Ui, entry: &SiteCamera, lens: &LensEntry) {
+fn data_sheet(app: &mut App, ui: &mut Ui, (of, size): (&Period, [u32; 2]), lens: &LensEntry) {
     let palette = theme::palette(ui.ctx());
-    let salt = ui.scope_id().with(("data sheet", &entry.id, &entry.valid_from));
+    let salt = ui.scope_id().with(("data sheet", &of.camera, &of.from));
     let entered = lens.data_sheet().to_string();
     let mut text = ui.data(|data| data.get_temp::<String>(salt)).unwrap_or_else(|| entered.clone());
     let (mut has_focus, mut changed) = (false, None);
@@ -48,7 +48,7 @@ fn data_sheet(app: &mut App, ui: &mut Ui, entry: &SiteCamera, lens: &LensEntry) 
         if response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Escape)) {
             text.clone_from(&entered);
         } else if response.lost_focus() && text != entered {
-            changed = DataSheet::parse(&text, entry.size_px).ok();
+            changed = DataSheet::parse(&text, size).ok();
         }
     });
     let is_open = text != entered && changed.is_none();
@@ -59,8 +59,10 @@ fn data_sheet(app: &mut App, ui: &mut Ui, entry: &SiteCamera, lens: &LensEntry) 
             data.remove::<String>(salt);
         }
     });
-    let error = DataSheet::parse(&text, entry.size_px).err().filter(|_| is_open && !has_focus);
-    if let Some(error) = error {
+    if is_open
+        && !has_focus
+        && let Err(error) = DataSheet::parse(&text, size)
+    {
         ui.label(RichText::new(error.to_string()).color(palette.bad));
     }
     if let Some(sheet) = changed.filter(|sheet| *sheet != lens.data_sheet()) {
@@ -69,12 +71,12 @@ fn data_sheet(app: &mut App, ui: &mut Ui, entry: &SiteCamera, lens: &LensEntry) 
 }
 
 /// Shows the choice of the pixel aspect, and its value if it is entered.
-fn pixel_aspect(app: &mut App, ui: &mut Ui, entry: &SiteCamera, lens: &LensEntry) {
+fn pixel_aspect(app: &mut App, ui: &mut Ui, size: [u32; 2], lens: &LensEntry) {
     let palette = theme::palette(ui.ctx());
     let own = lens.pixel_aspect;
     let entered = match own {
         Some(PixelAspectEntry::Known(value)) => value,
-        _ => usual_pixel_aspect(entry.size_px).unwrap_or(1.0),
+        _ => usual_pixel_aspect(size).unwrap_or(1.0),
     };
     let fitted =
         own.filter(|own| !matches!(own, PixelAspectEntry::Known(_))).unwrap_or(PixelAspectEntry::Fit);
@@ -100,10 +102,10 @@ fn pixel_aspect(app: &mut App, ui: &mut Ui, entry: &SiteCamera, lens: &LensEntry
 }
 
 /// Shows the principal point: near the image centre, or entered with or without a standard deviation.
-fn principal_point(app: &mut App, ui: &mut Ui, entry: &SiteCamera, lens: &LensEntry) {
+fn principal_point(app: &mut App, ui: &mut Ui, size: [u32; 2], lens: &LensEntry) {
     let palette = theme::palette(ui.ctx());
     let own = lens.principal_point_px;
-    let [w, h] = entry.size();
+    let [w, h] = size.map(f64::from);
     let value = own.map_or(Pixel::new(0.5 * w, 0.5 * h), |own| own.value);
     let sigma = own.and_then(|own| own.sigma).unwrap_or(PrincipalPointPrior::of_image([w, h]).sigma);
     let choices = [

@@ -7,8 +7,8 @@ use calib_core::floor::{Mount, lens_reach};
 use calib_core::outcome::SuggestedAnnotation;
 use calib_core::{Annotation, Lens, Pixel};
 use calib_editor::{
-    Action, Command, Edge, Editor, Pane, Part, PendingCalibration, Period, TOOLS, ToolRow, edges, edit, hit,
-    suggest,
+    Action, Command, Edge, Editor, Pane, Part, PendingCalibration, Period, Phase, TOOLS, ToolRow, edges,
+    edit, hit, suggest,
 };
 use calib_site::{LensEntry, Site, SiteCamera, SuggestionEntry};
 use egui::Context;
@@ -307,7 +307,12 @@ impl App {
         // Walls and areas of interest are shown with the coverage.
         let draws_survey = |index: &usize| TOOLS.get(*index).is_some_and(ToolRow::draws_survey);
         self.view.coverage |= matches!(&action, Action::SelectTool(index) if draws_survey(index));
-        let draws = matches!(action, Action::Pointer(_) | Action::Gesture(_));
+        // A pointer that only moves over a canvas adds nothing.
+        let draws = match &action {
+            Action::Pointer(pointer) => pointer.phase != Phase::Hover,
+            Action::Gesture(_) => true,
+            _ => false,
+        };
         if draws && self.editor.tool().is_idle() {
             self.view.open_fields = self.open_fields();
         }
