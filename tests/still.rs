@@ -185,7 +185,7 @@ fn other_answers_are_explained() {
     assert!(say(&format!("http://{address}/page"), 3).contains("not an image"));
     assert!(say(&format!("http://{address}/nothing"), 1).contains("404"));
     assert!(say(&format!("http://{address}/loop"), 1).contains("redirects"));
-    assert!(say("rtsp://127.0.0.1/1", 3).contains("ffmpeg"));
+    assert!(say("ftp://127.0.0.1/1", 3).contains("ffmpeg"));
     for secret in [format!("http://{address}/nothing?pwd=hidden"), "http://admin:hid/den@127.0.0.1/".into()] {
         let run = scratch.calib(&["still", &secret, "-o", "a.png"]);
         assert!(!run.stderr.contains("hidden") && !run.stderr.contains("hid/den"), "{}", run.stderr);
@@ -250,4 +250,101 @@ fn the_median_of_a_clip_calibrates_as_the_empty_shop() {
     assert!(r > 140 && g < 90, "{r} {g}");
     let run = scratch.calib(&["still", "clip.avi", "-o", "late.png", "--at", "9"]).expect_code(3);
     assert!(run.stderr.contains("lasts 3.00 s"), "{}", run.stderr);
+}
+
+/// Picture of the first frame of the clips of `calib-video`: a gradient, and a white square.
+fn expected_brightness(x: u32, y: u32) -> u8 {
+    if (24..40).contains(&y) && x < 16 { 235 } else { (40 + x + y / 2) as u8 }
+}
+
+/// Starts a camera with a video stream (RTSP over TCP). It sends the key frame of a clip in H.264, once. With
+/// `digest`, it requires a password. Returns its address without scheme, and the headers `Authorization`.
+fn video_camera(digest: bool) -> (String, Receiver<String>) {
+    let clip: &[u8] = include_bytes!("../crates/calib-video/tests/clips/h264.mp4");
+    let at = clip.windows(4).position(|four| four == b"mdat").unwrap() + 4;
+    let length = |at: usize| u32::from_be_bytes(clip[at..at + 4].try_into().unwrap()) as usize;
+    let key = at + 4 + length(at);
+    let key_frame = clip[key + 4..key + 4 + length(key)].to_vec();
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let (sender, seen) = channel();
+    std::thread::spawn(move || {
+        for stream in listener.incoming() {
+            let mut stream = stream.unwrap();
+            let mut lines = BufReader::new(stream.try_clone().unwrap()).lines();
+            while let Some(Ok(first)) = lines.next() {
+                let header = |name: &str, lines: &[String]| {
+                    let found = lines.iter().find_map(|line| line.strip_prefix(&format!("{name}: ")));
+                    found.unwrap_or_default().to_owned()
+                };
+                let head: Vec<String> =
+                    lines.by_ref().map_while(Result::ok).take_while(|line| !line.is_empty()).collect();
+                let (number, secret) = (header("CSeq", &head), header("Authorization", &head));
+                // A test may ignore the headers.
+                let _ = sender.send(secret.clone());
+                let sdp = "v=0\r\no=- 0 0 IN IP4 127.0.0.1\r\ns=camera\r\nt=0 0\r\nm=video 0 RTP/AVP 96\r\n\
+                           a=rtpmap:96 H264/90000\r\na=fmtp:96 packetization-mode=1;\
+                           sprop-parameter-sets=Z2QACqzZRiaEAAADAAQAAAMAIDxIllg=,aOvg7LIs\r\na=control:track1\r\n";
+                let answer = match first.split(' ').next().unwrap() {
+                    _ if digest && secret.is_empty() => {
+                        "401 Unauthorized\r\nWWW-Authenticate: Digest realm=\"camera\", nonce=\"abc\""
+                            .to_owned()
+                    }
+                    "DESCRIBE" if first.contains("/none") => "404 Not Found".to_owned(),
+                    "DESCRIBE" => {
+                        format!("200 OK\r\nContent-Type: application/sdp\r\nContent-Length: {}", sdp.len())
+                    }
+                    "SETUP" => {
+                        "200 OK\r\nSession: 1\r\nTransport: RTP/AVP/TCP;unicast;interleaved=0-1".to_owned()
+                    }
+                    _ => "200 OK\r\nSession: 1".to_owned(),
+                };
+                let body = if answer.contains("sdp") { sdp } else { "" };
+                write!(stream, "RTSP/1.0 {answer}\r\nCSeq: {number}\r\n\r\n{body}").unwrap();
+                if first.starts_with("PLAY") && !first.contains("/silent") {
+                    // RTP: version 2; the last packet of a frame of type 96; number, time and source.
+                    let rtp = [&[0x80, 0x80 | 96, 0, 1, 0, 0, 0, 9, 0, 0, 0, 7][..], &key_frame].concat();
+                    let head = [b'$', 0, (rtp.len() >> 8) as u8, rtp.len() as u8];
+                    stream.write_all(&[&head[..], &rtp].concat()).unwrap();
+                }
+            }
+        }
+    });
+    (address, seen)
+}
+
+#[test]
+fn the_key_frame_of_a_video_stream_is_read() {
+    let scratch = Scratch::new();
+    let (address, _) = video_camera(false);
+    scratch.calib(&["still", &format!("rtsp://{address}/stream1"), "-o", "a.png"]).expect_code(0);
+    let image = image::open(scratch.path("a.png")).unwrap().into_rgb8();
+    assert_eq!(image.dimensions(), (96, 64));
+    let mut off: Vec<u8> = image
+        .enumerate_pixels()
+        .map(|(x, y, pixel)| pixel.0[1].abs_diff(expected_brightness(x, y)))
+        .collect();
+    off.sort_unstable();
+    assert!(off[off.len() * 99 / 100] <= 12, "{off:?}");
+    let run = scratch.calib(&["still", &format!("rtsp://{address}/none"), "-o", "b.png"]).expect_code(1);
+    assert!(run.stderr.contains("404"), "{}", run.stderr);
+    let silent = format!("rtsp://{address}/silent?password=hidden");
+    let run = scratch.calib(&["still", &silent, "-o", "b.png", "--timeout", "1"]).expect_code(1);
+    assert!(run.stderr.contains("1 s") && !run.stderr.contains("hidden"), "{}", run.stderr);
+    assert!(!scratch.path("b.png").exists());
+}
+
+#[test]
+fn a_video_stream_gets_the_password_as_a_digest() {
+    let scratch = Scratch::new();
+    let (address, seen) = video_camera(true);
+    let run = scratch.calib(&["still", &format!("rtsp://{address}/"), "-o", "a.png"]).expect_code(1);
+    assert!(run.stderr.contains("CALIB_CAMERA_USER"), "{}", run.stderr);
+    let url = format!("rtsp://admin:hidden@{address}/");
+    let run = scratch.calib(&["still", &url, "-o", "a.png"]).expect_code(0);
+    assert!(!run.stderr.contains("hidden"), "{}", run.stderr);
+    let headers: Vec<String> = seen.try_iter().filter(|header| !header.is_empty()).collect();
+    assert!(headers.len() >= 3, "{headers:?}");
+    let is_digest = |header: &String| header.starts_with("Digest ") && !header.contains("hidden");
+    assert!(headers.iter().all(is_digest), "{headers:?}");
 }

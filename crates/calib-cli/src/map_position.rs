@@ -6,11 +6,32 @@ use std::path::{Component, Path, PathBuf};
 use calib_plan::{DrawingKind, ImagePosition, KmlOverlay, MapSystem, system_of_wkt};
 use calib_site::{CoordinateSystem, MAX_BYTES, MapPosition};
 
+use crate::args::grid;
 use crate::files::print_message;
 use crate::stop::CommandError;
 
 /// Largest size of a world file or of its `.prj` file, in bytes.
 const MAX_TEXT_BYTES: u64 = 1 << 20;
+
+/// Unit of a position on the map whose file does not state it.
+#[derive(Clone, Debug)]
+pub(crate) enum MapUnits {
+    /// Longitude and latitude (WGS84), in degrees.
+    Degrees,
+    /// Projected grid.
+    Grid(CoordinateSystem),
+}
+
+/// Parses `EPSG:4326`, or the code of a projected grid.
+pub(crate) fn map_units(name: &str) -> Result<MapUnits, String> {
+    /// Code of WGS84 with longitude and latitude.
+    const WGS84: &str = "EPSG:4326";
+    if name.trim().eq_ignore_ascii_case(WGS84) {
+        Ok(MapUnits::Degrees)
+    } else {
+        grid(name).map(MapUnits::Grid)
+    }
+}
 
 /// Image of a plan, with its position on the map if the image, a world file or a ground overlay contains one.
 pub(crate) struct PlanFile {
@@ -76,7 +97,7 @@ impl PlanFile {
     pub(crate) fn position(
         &self,
         (size, reduction): ([u32; 2], u32),
-        crs: Option<&CoordinateSystem>,
+        crs: Option<&MapUnits>,
     ) -> Result<Option<MapPosition>, CommandError> {
         let of_overlay = || ImagePosition::from_kml(self.overlay.as_ref()?, size.map(f64::from));
         let (found, from) = match &self.position {
@@ -94,10 +115,12 @@ impl PlanFile {
                     CommandError::invalid(from, format!("found the grid {name}, expected {error}"))
                 })?)
             }
-            (MapSystem::Unknown, Some(crs)) => Some(crs.clone()),
+            (MapSystem::Unknown, Some(MapUnits::Degrees)) => None,
+            (MapSystem::Unknown, Some(MapUnits::Grid(grid))) => Some(grid.clone()),
             (MapSystem::Unknown, None) => {
                 print_message(format_args!(
-                    "calib: {from}: states a position without a grid; add --crs EPSG:CODE to use the position"
+                    "calib: {from}: states a position without a grid; add --crs EPSG:CODE to use the position \
+                     (EPSG:4326 if it is in degrees)"
                 ));
                 return Ok(None);
             }

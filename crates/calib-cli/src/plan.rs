@@ -6,12 +6,12 @@ use std::path::Path;
 use calib_core::PlanPixel;
 use calib_plan::{Drawing, DrawingFacts, DrawingKind, ScaleSource, View};
 use calib_report::{added_walls_text, shortened_list};
-use calib_site::{CoordinateSystem, MapPosition, Plan, Site, WallEntry};
+use calib_site::{MapPosition, Plan, Site, WallEntry};
 use serde_json::{Value, json};
 
-use crate::args::{grid, unit};
+use crate::args::unit;
 use crate::files::{self, print_message};
-use crate::map_position::PlanFile;
+use crate::map_position::{MapUnits, PlanFile, map_units};
 use crate::picture;
 use crate::site_file::{SiteFile, path_relative_to_file};
 use crate::solve::Format;
@@ -37,9 +37,9 @@ pub(crate) struct Args {
     /// Size of a pixel in metres, for plans that state no scale
     #[arg(long, value_name = "M", value_parser = pixel_size, conflicts_with_all = ["scale", "unit"])]
     metres_per_px: Option<f64>,
-    /// Grid of a map image without grid information, such as EPSG:25832
-    #[arg(long, value_name = "EPSG:CODE", value_parser = grid)]
-    crs: Option<CoordinateSystem>,
+    /// Grid of a map image without grid information, such as EPSG:25832; EPSG:4326 for degrees
+    #[arg(long, value_name = "EPSG:CODE", value_parser = map_units)]
+    crs: Option<MapUnits>,
     /// Site to write this plan into; its cameras keep their positions
     #[arg(long, value_name = "SITE", requires = "output")]
     site: Option<String>,
@@ -108,7 +108,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     let path = file.path.as_path();
     let layers = (!args.layers.is_empty()).then(|| args.layers.clone());
     let site = args.site.as_ref().map(|site| SiteFile::read(site)).transpose()?;
-    let of_site = || site.as_ref()?.site.coordinate_system();
+    let of_site = || site.as_ref()?.site.coordinate_system().map(MapUnits::Grid);
     let crs = args.crs.clone().or_else(of_site);
     let read = read_plan(&file, args, &View { page: args.page, layers: layers.clone() }, crs.as_ref())?;
     if let Some((site, name)) = site.zip(args.site.as_ref()) {
@@ -135,7 +135,7 @@ fn read_plan(
     file: &PlanFile,
     args: &Args,
     view: &View,
-    crs: Option<&CoordinateSystem>,
+    crs: Option<&MapUnits>,
 ) -> Result<ReadPlan, CommandError> {
     let bytes = &file.bytes;
     let invalid = |error: String| CommandError::invalid(&args.file, error);

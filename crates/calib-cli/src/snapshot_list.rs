@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use calib_video::Snapshot;
 use serde::Deserialize;
 
 use crate::args::OutputArgs;
@@ -54,7 +55,7 @@ impl ListedCamera {
             () if is_path || self.id.chars().any(char::is_control) => {
                 Some("the id cannot be used as a file name")
             }
-            () if !snapshot::is_address(&self.address) => {
+            () if !calib_video::is_address(&self.address) => {
                 Some("the address is incomplete, expected http://\u{2026} or https://\u{2026}")
             }
             () => None,
@@ -76,11 +77,10 @@ impl ListedCamera {
         let own = self.credentials.as_ref().map(|file| list.with_file_name("").join(file));
         let mut args = args.clone();
         args.credentials = own.or(args.credentials);
-        let (bytes, image) = snapshot::read(&self.address, &args)?;
+        let Snapshot { image, jpeg, .. } = snapshot::read(&self.address, &args)?;
         // A JPEG stays as the camera sent it.
-        let is_jpeg = snapshot::is_jpeg(&bytes);
-        let path = &paths[usize::from(!is_jpeg)];
-        let bytes = if is_jpeg { bytes } else { picture::encode(&image, path)? };
+        let path = &paths[usize::from(jpeg.is_none())];
+        let bytes = jpeg.map_or_else(|| picture::encode(&image, path), Ok)?;
         output.write_to(path, &bytes)
     }
 }

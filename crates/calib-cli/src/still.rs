@@ -5,7 +5,7 @@ use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use calib_image::EmptyScene;
-use calib_video::{Video, VideoError, is_video};
+use calib_video::{Video, VideoError, is_address, is_video};
 use image::RgbImage;
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -18,7 +18,7 @@ use crate::stop::CommandError;
 /// Arguments of `calib still`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Video file (MP4, MOV, MKV, AVI; H.264, H.265, motion JPEG), or http(s) address of a snapshot
+    /// Video file (MP4, MOV, MKV, AVI; H.264, H.265, motion JPEG), or address of a camera (http, https, rtsp)
     #[arg(value_name = "VIDEO|URL", required_unless_present = "all")]
     source: Option<String>,
     /// List of cameras (TOML with ids and addresses); writes the image of each camera as ID.jpg to the
@@ -44,7 +44,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     }
     args.output.check_picture()?;
     let source = args.source.as_deref().unwrap_or_default();
-    if snapshot::is_address(source) {
+    if is_address(source) {
         if args.at.is_some() || args.median.is_some() {
             let what = "--at and --median are for video files; the address of a camera gives one image";
             return Err(CommandError::Usage(what.into()));
@@ -69,13 +69,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
             image
         }
     };
-    let aspect = video.pixel_aspect();
-    if (aspect - 1.0).abs() > 1e-3 {
-        print_message(format_args!(
-            "calib: the pixels of this video are not square; enter \"pixel_aspect\": {aspect:.4} in the lens of the \
-             camera"
-        ));
-    }
+    snapshot::print_pixel_aspect(video.pixel_aspect());
     args.output.write_image(&image)
 }
 

@@ -1,4 +1,5 @@
-//! Still images from video files: single frames, and the median of several frames.
+//! Still images from video files and from the addresses of cameras: single frames, and the median of several
+//! frames.
 //!
 //! Containers: MP4 and MOV (also fragmented), Matroska and `WebM`, AVI. Codecs: H.264, H.265 and motion JPEG.
 //! The pixels of a frame are those that a tracker gets from the same file: rotated as the file demands, and not
@@ -11,7 +12,10 @@
 //! - `stream`: codec, times and positions of the frames of a file;
 //! - `mp4`, `matroska`, `avi`: streams of the three containers;
 //! - `decoder`: frames of a group of packets;
-//! - `video`: frames by time, and the median of frames.
+//! - `video`: frames by time, and the median of frames;
+//! - `address`: addresses of cameras, credentials, and errors (feature `http`);
+//! - `http`, `rtsp`: snapshots by HTTP, and key frames of video streams (features `http` and `rtsp`);
+//! - `snapshot`: snapshots from any address (feature `http`).
 
 // A module uses only the modules above it.
 mod error;
@@ -21,6 +25,18 @@ mod matroska;
 mod avi;
 mod decoder;
 mod video;
+#[cfg(feature = "http")]
+mod address;
+#[cfg(feature = "http")]
+mod http;
+#[cfg(feature = "rtsp")]
+mod rtsp;
+#[cfg(feature = "http")]
+mod snapshot;
 
+#[cfg(feature = "http")]
+pub use address::{Credentials, Snapshot, SnapshotError, SnapshotErrorKind, SnapshotOptions, is_address};
 pub use error::VideoError;
+#[cfg(feature = "http")]
+pub use snapshot::snapshot;
 pub use video::{Median, Video, is_video};
