@@ -4,6 +4,7 @@
 //! in this library.
 
 use std::collections::HashMap;
+use std::f64::consts::FRAC_PI_2;
 use std::fmt::Write as _;
 
 use calib_core::{BrownConrady, Distortion};
@@ -219,6 +220,7 @@ fn lens(line: &Line, notes: &mut Vec<String>) -> Result<ImportedCamera, FormatEr
         "OPENCV_FISHEYE" => (line.numbers(4)?, kannala_brandt(line.numbers(8)?)),
         "SIMPLE_RADIAL_FISHEYE" => (one_focal()?, kannala_brandt([line.number(7)?, 0.0, 0.0, 0.0])),
         "RADIAL_FISHEYE" => (one_focal()?, kannala_brandt([line.number(7)?, line.number(8)?, 0.0, 0.0])),
+        "FOV" => field_of_view(line, notes)?,
         "THIN_PRISM_FISHEYE" => {
             let [k1, k2, p1, p2, k3, k4, sx1, sy1] = line.numbers(8)?;
             let prism = Prism { p: [p1, p2], s: [sx1, 0.0, sy1, 0.0] };
@@ -230,7 +232,7 @@ fn lens(line: &Line, notes: &mut Vec<String>) -> Result<ImportedCamera, FormatEr
         }
         other => {
             let known = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE, \
-                         SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, THIN_PRISM_FISHEYE or RAD_TAN_THIN_PRISM_FISHEYE";
+                         FOV, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, THIN_PRISM_FISHEYE or RAD_TAN_THIN_PRISM_FISHEYE";
             return Err(FormatError::expected(line.place(), quoted(other), known));
         }
     };
@@ -269,22 +271,12 @@ fn symmetric(
     prism: &Prism,
     notes: &mut Vec<String>,
 ) -> Result<([f64; 4], Distortion), FormatError> {
-    let ([width, height], [fx, fy, cx, cy]) = (line.numbers(2)?, line.numbers(4)?);
-    let focal = 0.5 * (fx + fy);
-    let radius = |theta: f64| {
+    let [fx, fy, cx, cy] = line.numbers(4)?;
+    let samples = samples(line, |theta| {
         let square = theta * theta;
-        focal * theta * (1.0 + square * terms.iter().rev().fold(0.0, |sum, term| sum * square + term))
-    };
-    let corner = cx.max(width - cx).hypot(cy.max(height - cy));
-    // Samples run from the axis to the corners. They end early if the radius stops growing.
-    let mut samples: Vec<[f64; 2]> = Vec::new();
-    for theta in (1..=400).map(|ring| MAX_ANGLE * f64::from(ring) / 400.0) {
-        let at = radius(theta);
-        if !(at > samples.last().map_or(0.0, |[_, before]| *before) && at <= corner) {
-            break;
-        }
-        samples.push([theta, at]);
-    }
+        theta * (1.0 + square * terms.iter().rev().fold(0.0, |sum, term| sum * square + term))
+    })?;
+    let focal = 0.5 * (fx + fy);
     let rim = samples.iter().map(|[_, radius]| radius / focal).fold(0.0, f64::max);
     let moved = focal * prism.max_displacement(rim);
     if moved.is_nan() || moved > MAX_UNREPORTED_ERROR_PX {
@@ -296,17 +288,67 @@ fn symmetric(
     if [k5, k6] == [0.0; 2] {
         return Ok(([fx, fy, cx, cy], kannala_brandt([k1, k2, k3, k4])));
     }
-    let nearest = fit_lens(&samples).filter(|lens| lens.max_error_px.is_finite());
+    nearest(line, &samples, "six radial terms", moved, notes)
+}
+
+/// Returns focal lengths, principal point and distortion of the nearest fisheye lens to a lens with
+/// COLMAP's model `FOV`: its radius, divided by the focal length, is `atan(2 tan(theta) tan(omega / 2)) / omega`.
+/// theta is the angle from the axis, and omega the parameter of the model (F. Devernay and O. Faugeras, "Straight
+/// lines have to be straight", 2001). Both are in radians.
+fn field_of_view(line: &Line, notes: &mut Vec<String>) -> Result<([f64; 4], Distortion), FormatError> {
+    let (k, omega) = (line.numbers(4)?, line.number(8)?.abs());
+    if omega < 1e-6 {
+        return Ok((k, Distortion::None));
+    }
+    if omega >= std::f64::consts::PI {
+        return Err(FormatError::expected(
+            line.place(),
+            format!("omega = {}", digits(omega)),
+            "less than pi",
+        ));
+    }
+    // The arctangent reaches its limit at 90 degrees from the axis.
+    let radius = |theta: f64| (2.0 * theta.min(FRAC_PI_2).tan() * (0.5 * omega).tan()).atan() / omega;
+    nearest(line, &samples(line, radius)?, "the model FOV", 0.0, notes)
+}
+
+/// Returns pairs of the angle from the axis, in radians, and the radius, in pixels. `radius` returns the
+/// radius divided by the focal length. The pairs run from the axis to the corners, and end early if the radius stops
+/// growing.
+fn samples(line: &Line, radius: impl Fn(f64) -> f64) -> Result<Vec<[f64; 2]>, FormatError> {
+    let ([width, height], [fx, fy, cx, cy]) = (line.numbers(2)?, line.numbers::<4>(4)?);
+    let corner = cx.max(width - cx).hypot(cy.max(height - cy));
+    let mut samples: Vec<[f64; 2]> = Vec::new();
+    for theta in (1..=400).map(|ring| MAX_ANGLE * f64::from(ring) / 400.0) {
+        let at = 0.5 * (fx + fy) * radius(theta);
+        if !(at > samples.last().map_or(0.0, |[_, before]| *before) && at <= corner) {
+            break;
+        }
+        samples.push([theta, at]);
+    }
+    Ok(samples)
+}
+
+/// Returns focal lengths, principal point and distortion of the nearest Kannala-Brandt lens, and a note with its
+/// error. `what` names the original terms; `moved` is an additional error, in pixels.
+fn nearest(
+    line: &Line,
+    samples: &[[f64; 2]],
+    what: &str,
+    moved: f64,
+    notes: &mut Vec<String>,
+) -> Result<([f64; 4], Distortion), FormatError> {
+    let [fx, fy, cx, cy] = line.numbers(4)?;
+    let nearest = fit_lens(samples).filter(|lens| lens.max_error_px.is_finite());
     let off = nearest.map_or(f64::INFINITY, |lens| lens.max_error_px + moved);
     let Some(lens) = nearest.filter(|_| off <= MAX_FIT_ERROR_PX) else {
-        let found = fit_error_text("six radial terms", off);
-        return Err(FormatError::expected(line.place(), found, "at most 1 px"));
+        return Err(FormatError::expected(line.place(), fit_error_text(what, off), "at most 1 px"));
     };
     let off = round_up(off, 3);
     notes.push(format!(
-        "{}: six radial terms are approximated by four, with an error of at most {off:.3} px",
+        "{}: {what}, approximated by four Kannala-Brandt terms with an error of at most {off:.3} px",
         line.place()
     ));
-    let ratio = lens.focal / focal;
+    let ratio = lens.focal / (0.5 * (fx + fy));
     Ok(([ratio * fx, ratio * fy, cx, cy], lens.distortion))
 }

@@ -81,6 +81,8 @@ pub enum Problem {
     },
     /// The size of the image is missing and cannot be derived.
     NoSize,
+    /// A projection matrix counts pixels from the centre of an image of unknown size.
+    NoSizeOfCentred,
     /// A quaternion has length 0.
     NoRotation,
     /// The rows of a rotation are not right-handed unit vectors.
@@ -209,6 +211,10 @@ impl Problem {
             Self::CutOff => "is incomplete: the file ends early",
             Self::NoSize => {
                 "found no image size, and no principal point to derive it from; add the size (calib import --size)"
+            }
+            Self::NoSizeOfCentred => {
+                "counts pixels from the centre of the image, whose size is not in the file; add it \
+                 (calib import --size 1920x1080)"
             }
             Self::NoRotation => "found a quaternion of length 0",
             Self::InvalidRotation => "found a rotation whose rows are not right-handed unit vectors",

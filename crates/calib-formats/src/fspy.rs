@@ -3,10 +3,17 @@
 //!
 //! Poses are camera to world, with camera axes right, up, back. The principal point is relative to the centre
 //! of the image, with y up. Its unit is half the longer side of the image.
+//!
+//! A project without a camera still contains the lines of its vanishing points, which become annotations. Their
+//! points are relative to the size of the image, from its upper left corner.
+
+use calib_core::{Annotation, Kind, Pixel};
+use calib_site::SiteCamera;
+use serde_json::Value;
 
 use crate::file::File;
 use crate::file::{FormatError, Problem};
-use crate::given::{Imported, ImportedCamera, site_with_notes};
+use crate::given::{Imported, ImportedCamera, checked_site, site_with_notes};
 use crate::input::Input;
 use crate::tree::{Node, Syntax};
 
@@ -15,11 +22,37 @@ const MAGIC: &[u8] = b"fspy";
 /// Length of the header before the state, in bytes.
 const HEADER_BYTES: usize = 16;
 
+/// State of a project, or exported camera parameters.
+struct Project {
+    /// File with the JSON text alone.
+    state: File,
+    tree: Value,
+    /// Image inside the project file; empty for exported parameters.
+    image: Vec<u8>,
+}
+
 pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
-    let mut rest = Vec::new();
-    let given: Result<Vec<ImportedCamera>, FormatError> =
-        files.iter().map(|file| camera(file, files.size(), &mut rest)).collect();
-    let mut imported = site_with_notes(given?, rest, files, &files[0].name)?;
+    let (mut given, mut drawn, mut notes) = (Vec::new(), Vec::new(), Vec::new());
+    for file in files.iter() {
+        let project = Project::read(file)?;
+        let root = Node::root(&project.state, &project.tree);
+        let is_alone = project.image.is_empty();
+        match root.get("cameraParameters") {
+            Some(camera) => given.push(solved(&camera, file, files.size())?.with_path(&file.name)),
+            None if is_alone && root.get("globalSettings").is_none() => {
+                given.push(solved(&root, file, files.size())?.with_path(&file.name));
+            }
+            None => drawn.push(lines(&root, &project, files.size(), &mut notes)?),
+        }
+        notes.extend(root.unread_keys());
+        notes.extend((!is_alone).then(|| format!("{}: not imported: the image", file.name)));
+    }
+    if given.is_empty() {
+        return checked_site(drawn, notes, &files[0].name);
+    }
+    let imported = site_with_notes(given, notes, files, &files[0].name)?;
+    let cameras = [imported.site.cameras, drawn].concat();
+    let mut imported = checked_site(cameras, imported.notes, &files[0].name)?;
     if files.unit_m().is_none() {
         imported
             .notes
@@ -28,20 +61,8 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
     Ok(imported)
 }
 
-fn camera(
-    file: &File,
-    stated: Option<[u32; 2]>,
-    rest: &mut Vec<String>,
-) -> Result<ImportedCamera, FormatError> {
-    let is_json = file.bytes.trim_ascii_start().starts_with(b"{");
-    let state = if is_json { file.clone() } else { state(file)? };
-    let tree = Syntax::Json.parse(&state)?;
-    let root = Node::root(&state, &tree);
-    let camera = match root.get("cameraParameters") {
-        None if is_json => root.clone(),
-        None => return Err(FormatError::new(&file.name, Problem::NoCameraInProject)),
-        Some(camera) => camera,
-    };
+/// Reads a camera from the parameters that fSpy calculated.
+fn solved(camera: &Node, file: &File, stated: Option<[u32; 2]>) -> Result<ImportedCamera, FormatError> {
     let in_file = [camera.require(&["imageWidth"])?.side()?, camera.require(&["imageHeight"])?.side()?];
     // The other numbers are relative to the size.
     let [width, height] = stated.unwrap_or(in_file);
@@ -62,17 +83,100 @@ fn camera(
     let rotation = [column(0, 1.0), column(1, -1.0), column(2, -1.0)];
     let position = column(3, 1.0);
     let t = rotation.map(|row| -(row[0] * position[0] + row[1] * position[1] + row[2] * position[2]));
-    let mut given =
-        ImportedCamera::new(file.stem(), camera.place(), [focal, focal, cx, cy]).with_path(&file.name);
+    let mut given = ImportedCamera::new(file.stem(), camera.place(), [focal, focal, cx, cy]);
     given.size = Some([width, height]);
     given.pose = Some((rotation, t));
-    rest.extend(root.unread_keys());
-    rest.extend((!is_json).then(|| format!("{}: not imported: the image", file.name)));
     Ok(given)
 }
 
-/// Returns the JSON state inside a project file as a separate file.
-fn state(file: &File) -> Result<File, FormatError> {
+/// Reads the lines of a project without a camera as annotations.
+fn lines(
+    root: &Node,
+    project: &Project,
+    stated: Option<[u32; 2]>,
+    notes: &mut Vec<String>,
+) -> Result<SiteCamera, FormatError> {
+    let name = &project.state.name;
+    let from_image = || {
+        imagesize::blob_size(&project.image)
+            .ok()
+            .map(|size| [size.width, size.height].map(|side| side as u32))
+    };
+    let of = |part: &str, key: &str| root.get(part).and_then(|node| node.get(key));
+    let text = |part: &str, key: &str| of(part, key).and_then(|node| node.text().ok().map(str::to_owned));
+    let base = "calibrationSettingsBase";
+    let axis = |key: &str, usual: char| text(base, key).and_then(|axis| axis.chars().next()).unwrap_or(usual);
+    let mut groups =
+        vec![(axis("firstVanishingPointAxis", 'x'), of("controlPointsStateBase", "firstVanishingPoint"))];
+    if text("globalSettings", "calibrationMode").is_none_or(|mode| mode != "OneVanishingPoint") {
+        groups.push((
+            axis("secondVanishingPointAxis", 'y'),
+            of("controlPointsState2VP", "secondVanishingPoint"),
+        ));
+        if text("calibrationSettings2VP", "principalPointMode")
+            .is_some_and(|mode| mode.starts_with("FromThird"))
+        {
+            let third =
+                ['x', 'y', 'z'].into_iter().find(|axis| groups.iter().all(|(other, _)| other != axis));
+            groups.push((third.unwrap_or('z'), of("controlPointsState2VP", "thirdVanishingPoint")));
+        }
+    }
+    let groups: Vec<(char, Node)> =
+        groups.into_iter().filter_map(|(axis, node)| Some((axis, node?))).collect();
+    if groups.is_empty() {
+        return Err(FormatError::new(name, Problem::NoCameraInProject));
+    }
+    let Some(size) = stated.or_else(from_image) else {
+        let expected = "an image in the project; add its size (calib import --size 1920x1080)";
+        return Err(FormatError::expected(name, "lines without an image", expected));
+    };
+    let mut drawn: Vec<(char, Vec<Vec<Pixel>>)> = Vec::new();
+    for (axis, group) in &groups {
+        drawn.push((*axis, segments(&group.require(&["lineSegments"])?, size)?));
+    }
+    // In the mode for rectangles, the second direction joins the ends of the lines of the first.
+    let is_quad = of("calibrationSettings2VP", "quadModeEnabled").is_some_and(|node| node.flag() == Ok(true));
+    if let (true, [(_, first), (_, second), ..]) = (is_quad, &mut drawn[..])
+        && let [a, b] = &first[..]
+    {
+        *second = a.iter().zip(b).map(|(&a, &b)| vec![a, b]).collect();
+    }
+    let mut camera = SiteCamera::new(project.state.stem(), size);
+    for (axis, segments) in drawn {
+        let kind = if axis == 'z' { Kind::Vertical } else { Kind::Parallel };
+        let mut annotation = Annotation::from_segments(kind, segments);
+        if kind == Kind::Parallel {
+            let other = camera.annotations.iter().find(|other| other.kind == Kind::Parallel);
+            annotation.at_right_angles_to = other.and_then(|other| other.id.clone());
+            annotation.id = Some(axis.to_string());
+        }
+        camera.annotations.push(annotation);
+    }
+    notes.push(format!("{name}: fSpy has calculated no camera; its lines are imported as annotations"));
+    Ok(camera)
+}
+
+/// Reads the segments of a vanishing point, in pixels.
+fn segments(node: &Node, size: [u32; 2]) -> Result<Vec<Vec<Pixel>>, FormatError> {
+    let [w, h] = size.map(f64::from);
+    let point = |node: &Node| {
+        Ok(Pixel::new(w * node.require(&["x"])?.number()?, h * node.require(&["y"])?.number()?))
+    };
+    let segment = |node: &Node| node.items()?.iter().map(point).collect();
+    node.items()?.iter().map(segment).collect()
+}
+
+impl Project {
+    fn read(file: &File) -> Result<Self, FormatError> {
+        let is_json = file.bytes.trim_ascii_start().starts_with(b"{");
+        let (state, image) = if is_json { (file.clone(), Vec::new()) } else { parts(file)? };
+        let tree = Syntax::Json.parse(&state)?;
+        Ok(Self { state, tree, image })
+    }
+}
+
+/// Returns the JSON state inside a project file as a separate file, and the bytes of its image.
+fn parts(file: &File) -> Result<(File, Vec<u8>), FormatError> {
     let wrong = |problem: Problem| FormatError::new(&file.name, problem);
     let head = file.bytes.get(..HEADER_BYTES).ok_or_else(|| wrong(Problem::NotFspy { is_short: true }))?;
     if !head.starts_with(MAGIC) {
@@ -85,5 +189,6 @@ fn state(file: &File) -> Result<File, FormatError> {
     }
     let end = HEADER_BYTES.saturating_add(number(8));
     let state = file.bytes.get(HEADER_BYTES..end).ok_or_else(|| wrong(Problem::CutOff))?;
-    Ok(File { name: file.name.clone(), bytes: state.to_vec() })
+    let image = file.bytes.get(end..).unwrap_or_default();
+    Ok((File { name: file.name.clone(), bytes: state.to_vec() }, image.to_vec()))
 }

@@ -299,3 +299,22 @@ pub(crate) fn decompose_projection(
     }
     Ok((k, ([r1, r2, r3], t)))
 }
+
+/// Describes an unlikely pose of an imported camera: close to the floor, far above it, below it, or upside down.
+pub(crate) fn unlikely_pose(id: &str, camera: &Camera) -> Option<String> {
+    /// Heights of a camera that are likely, in metres.
+    const LIKELY_HEIGHTS_M: std::ops::RangeInclusive<f64> = 0.3..=60.0;
+    let (height, id) = (camera.position.z, quoted(id));
+    if camera.roll.cos() < 0.0 || height < 0.0 {
+        return Some(format!(
+            "camera {id} is upside down or below the floor: the world of the file may be left-handed, as in \
+             MultiviewX; use --left-handed to mirror it"
+        ));
+    }
+    let other = if height < *LIKELY_HEIGHTS_M.start() { "m" } else { "cm" };
+    (!LIKELY_HEIGHTS_M.contains(&height)).then(|| {
+        let height =
+            if other == "m" { format!("{:.1} cm", 100.0 * height) } else { format!("{height:.0} m") };
+        format!("camera {id} is {height} above the floor: if the file is in {other}, add --unit {other}")
+    })
+}

@@ -10,15 +10,19 @@ use serde_json::{Value, json};
 
 use crate::export::{Export, Scene};
 use crate::file::File;
-use crate::file::{FormatError, Problem};
+use crate::file::{FormatError, Problem, quoted};
 use crate::given::{
     Imported, ImportedCamera, checked_site, control_point, decompose_projection, intrinsics_from_matrix,
-    site_with_notes,
+    site_with_notes, unlikely_pose,
 };
 use crate::input::Input;
 use crate::tree::{Node, Syntax, digits, pretty};
 use crate::view::View;
 
+/// Key of the projection matrix of a camera in `camInfo`.
+const KEY: &str = "projectionMatrix_3x4_w2p";
+/// Key of the projection matrix in older versions, whose pixels count from the centre of the image.
+const OLD_KEY: &str = "projectionMatrix_3x4";
 /// Scale of the map of a site without a plan image, in pixels per metre.
 const MAP_PX_PER_METRE: f64 = 50.0;
 
@@ -165,12 +169,19 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
     for file in files.iter().filter(|file| file.base() != "transforms.yml") {
         let tree = Syntax::Yaml.parse(file)?;
         let root = Node::root(file, &tree);
-        let node = root.require(&["projectionMatrix_3x4_w2p"])?;
-        given.push(projected(file.stem(), &node)?.with_path(&file.name));
+        let camera = match root.get(OLD_KEY).filter(|_| root.get(KEY).is_none()) {
+            Some(node) => centred(file.stem(), &node, files, &mut rest)?,
+            None => projected(file.stem(), &root.require(&[KEY])?)?,
+        };
+        given.push(camera.with_path(&file.name));
         rest.extend(root.unread_keys());
     }
     rest.extend(unread_notes(files, |file| file.base() == "transforms.yml"));
-    site_with_notes(given, rest, files, &files[0].name)
+    let mut imported = site_with_notes(given, rest, files, &files[0].name)?;
+    let cameras = imported.site.cameras.iter();
+    let doubts = cameras.filter_map(|entry| unlikely_pose(&entry.id, &entry.camera()?)).collect::<Vec<_>>();
+    imported.notes.extend(doubts);
+    Ok(imported)
 }
 
 /// Returns a note for each file that the import does not read.
@@ -188,6 +199,28 @@ fn rows(values: [f64; 12]) -> [[f64; 4]; 3] {
 fn projected(id: &str, node: &Node) -> Result<ImportedCamera, FormatError> {
     let (k, pose) = decompose_projection(&rows(node.exactly()?), node.place())?;
     Ok(ImportedCamera { pose: Some(pose), ..ImportedCamera::new(id, node.place(), k) })
+}
+
+/// Reads the projection matrix of older versions of `DeepStream`, whose pixels count from the centre of the image.
+fn centred(
+    id: &str,
+    node: &Node,
+    input: &Input,
+    notes: &mut Vec<String>,
+) -> Result<ImportedCamera, FormatError> {
+    let Some([width, height]) = input.size() else {
+        return Err(FormatError::new(node.place(), Problem::NoSizeOfCentred));
+    };
+    let [a, b, c] = rows(node.exactly()?);
+    // A pixel (u, v) from the centre is (u + W/2, v + H/2) from the corner.
+    let shifted = |row: [f64; 4], side: u32| std::array::from_fn(|j| row[j] + 0.5 * f64::from(side) * c[j]);
+    let (k, pose) = decompose_projection(&[shifted(a, width), shifted(b, height), c], node.place())?;
+    notes.push(format!(
+        "{OLD_KEY} of {}: pixels are read from the centre of the image of {width} x {height} px",
+        quoted(id)
+    ));
+    let camera = ImportedCamera::new(id, node.place(), k);
+    Ok(ImportedCamera { size: Some([width, height]), pose: Some(pose), ..camera })
 }
 
 fn calibration(file: &File, input: &Input) -> Result<Imported, FormatError> {

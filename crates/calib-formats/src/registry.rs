@@ -504,13 +504,13 @@ pub const FORMATS: &[Format] = &[
         name: "fspy",
         about: "fSpy project, or its camera parameters as JSON",
         extensions: &["fspy", "json"],
-        contains: "pinhole, pose",
+        contains: "pinhole, pose, or lines as annotations",
         lacks: "distortion",
         read: Some(fspy::read),
         unit_m: Some(1.0),
         units: "arbitrary, rad",
         axes: OPENGL,
-        ignored_by_import: "vanishing points, control points, the image",
+        ignored_by_import: "vanishing points, the origin, the reference distance, the image",
         ..Format::PLAIN
     },
     Format {

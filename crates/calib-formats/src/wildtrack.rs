@@ -4,13 +4,11 @@
 //! centimetres. Pixels count from the centre of the first pixel, as in `OpenCV`: our principal point minus
 //! 0.5.
 
-use calib_core::Camera;
-
 use crate::export::{Export, Scene};
 use crate::file::File;
-use crate::file::{FormatError, Problem, quoted};
+use crate::file::{FormatError, Problem};
 use crate::fisheye::{from_rodrigues, rodrigues};
-use crate::given::{Imported, ImportedCamera, Pose, intrinsics_from_matrix, site_with_notes};
+use crate::given::{Imported, ImportedCamera, Pose, intrinsics_from_matrix, site_with_notes, unlikely_pose};
 use crate::input::Input;
 use crate::lens_keys::{distortion, refuse_unknown_distortion};
 use crate::opencv::matrix_xml;
@@ -68,28 +66,9 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
         imported.notes.push("translations are read as centimetres; use --unit m for metres".into());
     }
     let cameras = imported.site.cameras.iter();
-    let doubts = cameras.filter_map(|entry| doubt(&entry.id, &entry.camera()?)).collect::<Vec<_>>();
+    let doubts = cameras.filter_map(|entry| unlikely_pose(&entry.id, &entry.camera()?)).collect::<Vec<_>>();
     imported.notes.extend(doubts);
     Ok(imported)
-}
-
-/// Describes an unlikely pose: a camera close to the floor, or one that hangs upside down.
-fn doubt(id: &str, camera: &Camera) -> Option<String> {
-    /// Smallest height of a camera that is likely, in metres.
-    const MIN_HEIGHT_M: f64 = 0.3;
-    let (height, id) = (camera.position.z, quoted(id));
-    if camera.roll.cos() < 0.0 || height < 0.0 {
-        return Some(format!(
-            "camera {id} is upside down or below the floor: the world of the file may be left-handed, as in \
-             MultiviewX; use --left-handed to mirror it"
-        ));
-    }
-    (height < MIN_HEIGHT_M).then(|| {
-        format!(
-            "camera {id} is {:.1} cm above the floor: if the file is in metres, add --unit m",
-            height * CM_PER_M
-        )
-    })
 }
 
 fn pose(files: &[File], id: &str, rest: &mut Vec<String>) -> Result<Pose, FormatError> {

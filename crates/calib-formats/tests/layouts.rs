@@ -311,3 +311,89 @@ fn lenses_without_poses_are_exported_to_formats_of_lenses() {
     }
     assert!(export(format("opencv").unwrap(), &unknown, &ExportOptions::default()).is_err());
 }
+
+#[test]
+fn old_deepstream_matrices_count_pixels_from_the_centre() {
+    // 1000 px focal length, 10 m above the floor, straight down: x right, y up in the image.
+    let rows = |cx: f64, cy: f64, unit: f64| {
+        let z = 10.0 * unit;
+        let text = [1000.0, 0.0, -cx, cx * z, 0.0, -1000.0, -cy, cy * z, 0.0, 0.0, -1.0, z]
+            .map(|v| format!("- {v}\n"));
+        text.concat()
+    };
+    let read = |rows: &str, unit: Option<f64>| {
+        let file =
+            File { name: "cam.yml".into(), bytes: format!("projectionMatrix_3x4:\n{rows}").into_bytes() };
+        let options =
+            calib_formats::ImportOptions { size: Some([1280, 720]), unit_m: unit, ..Default::default() };
+        calib_formats::import_with(format("nvidia").unwrap(), &[file], &options)
+    };
+    let camera = |imported: &Imported| imported.site.cameras[0].camera().unwrap();
+    let imported = read(&rows(0.0, 0.0, 1.0), None).unwrap();
+    let found = camera(&imported);
+    assert!((found.lens.principal_point.u - 640.0).abs() < 1e-9, "{found:?}");
+    assert!((found.lens.principal_point.v - 360.0).abs() < 1e-9, "{found:?}");
+    assert!((found.focal - 1000.0).abs() < 1e-9 && (found.position.z - 10.0).abs() < 1e-9, "{found:?}");
+    let pixel = found.world_to_pixel(calib_core::WorldPoint::new(1.0, 0.0, 0.0)).unwrap();
+    assert!((pixel.u - 740.0).abs() < 1e-6 && (pixel.v - 360.0).abs() < 1e-6, "{pixel:?}");
+    // A file in centimetres is not taken for metres silently.
+    let imported = read(&rows(0.0, 0.0, 100.0), None).unwrap();
+    assert!(imported.notes.iter().any(|note| note.contains("--unit cm")), "{:?}", imported.notes);
+    let imported = read(&rows(0.0, 0.0, 100.0), Some(0.01)).unwrap();
+    assert!((camera(&imported).position.z - 10.0).abs() < 1e-9);
+    let error =
+        read_files("nvidia", &[("cam.yml", &format!("projectionMatrix_3x4:\n{}", rows(0.0, 0.0, 1.0)))]);
+    let error = error.unwrap_err();
+    assert!(error.contains("centre") && error.contains("--size"), "{error}");
+}
+
+/// Builds an fSpy project with a PNG header as its image.
+fn fspy(state: &str, size: Option<[u32; 2]>) -> Vec<u8> {
+    let image = size.map_or_else(Vec::new, |[w, h]| {
+        let head = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR";
+        [&head[..], &w.to_be_bytes(), &h.to_be_bytes(), &[8, 2, 0, 0, 0, 0, 0, 0, 0]].concat()
+    });
+    let length = |bytes: usize| (bytes as u32).to_le_bytes();
+    let head = [&b"fspy"[..], &1_u32.to_le_bytes(), &length(state.len()), &length(image.len())].concat();
+    [&head[..], state.as_bytes(), &image].concat()
+}
+
+#[test]
+fn lines_of_an_fspy_project_without_a_camera_become_annotations() {
+    let segment = |[a, b, c, d]: [f64; 4]| format!(r#"[{{"x": {a}, "y": {b}}}, {{"x": {c}, "y": {d}}}]"#);
+    let lines = |first, second| format!(r#"{{"lineSegments": [{}, {}]}}"#, segment(first), segment(second));
+    let state = |quad: bool, axis: &str| {
+        format!(
+            r#"{{"globalSettings": {{"calibrationMode": "TwoVanishingPoints"}},
+                "calibrationSettingsBase": {{"firstVanishingPointAxis": "xPositive", "secondVanishingPointAxis": "{axis}"}},
+                "calibrationSettings2VP": {{"quadModeEnabled": {quad}}},
+                "controlPointsStateBase": {{"firstVanishingPoint": {}}},
+                "controlPointsState2VP": {{"secondVanishingPoint": {}}}}}"#,
+            lines([0.1, 0.2, 0.5, 0.25], [0.1, 0.8, 0.5, 0.75]),
+            lines([0.2, 0.9, 0.3, 0.4], [0.8, 0.9, 0.7, 0.4]),
+        )
+    };
+    let read = |bytes: Vec<u8>| {
+        import(format("fspy").unwrap(), &[File { name: "yard.fspy".into(), bytes }])
+            .map_err(|e| e.to_string())
+    };
+    let imported = read(fspy(&state(false, "yNegative"), Some([1000, 500]))).unwrap();
+    let camera = &imported.site.cameras[0];
+    assert_eq!((camera.id.as_str(), camera.size_px), ("yard", [1000, 500]));
+    let [first, second] = &camera.annotations[..] else { panic!("{:?}", camera.annotations) };
+    assert_eq!(second.at_right_angles_to, first.id);
+    let pixels = |annotation: &calib_core::Annotation| {
+        annotation.segments.as_ref().unwrap().iter().flatten().map(|p| [p.u, p.v]).collect::<Vec<_>>()
+    };
+    assert_eq!(pixels(first), [[100.0, 100.0], [500.0, 125.0], [100.0, 400.0], [500.0, 375.0]]);
+    assert_eq!(pixels(second), [[200.0, 450.0], [300.0, 200.0], [800.0, 450.0], [700.0, 200.0]]);
+    assert!(imported.notes.iter().any(|note| note.contains("annotations")), "{:?}", imported.notes);
+    // The third axis is vertical, and a rectangle has two sides of each direction.
+    let imported = read(fspy(&state(false, "zPositive"), Some([1000, 500]))).unwrap();
+    assert_eq!(imported.site.cameras[0].annotations[1].kind, calib_core::Kind::Vertical);
+    let imported = read(fspy(&state(true, "yPositive"), Some([1000, 500]))).unwrap();
+    let sides = pixels(&imported.site.cameras[0].annotations[1]);
+    assert_eq!(sides, [[100.0, 100.0], [100.0, 400.0], [500.0, 125.0], [500.0, 375.0]]);
+    let error = read(fspy(&state(false, "yPositive"), None)).unwrap_err();
+    assert!(error.contains("--size"), "{error}");
+}

@@ -322,6 +322,31 @@ fn the_stated_error_of_four_radial_terms_is_correct_and_a_prism_is_rejected() {
 }
 
 #[test]
+fn the_stated_error_of_the_fov_model_is_correct() {
+    for omega in [0.3_f64, 0.9, 1.2] {
+        let imported = colmap(&format!("FOV 1280 960 700 700 640 480 {omega}")).unwrap();
+        let lens = only_lens(&imported);
+        let note = imported.notes.iter().find(|note| note.contains("FOV")).unwrap();
+        let stated: f64 = note.split("most ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+        let mut most = 0.0_f64;
+        for step in 1..1000 {
+            // COLMAP maps the pinhole radius r to atan(2 r tan(omega / 2)) / omega.
+            let theta = 1.5 * f64::from(step) / 1000.0;
+            let radius = 700.0 * (2.0 * theta.tan() * (omega / 2.0).tan()).atan() / omega;
+            if radius > 800.0 {
+                break;
+            }
+            let shown = lens.bearing_to_pixel([lens.focal * theta.sin(), 0.0, theta.cos()]).unwrap();
+            most = most.max((shown.u - 640.0 - radius).abs());
+        }
+        assert!(most <= stated + 1e-3 && stated <= 1.0 && most > 0.0, "{omega}: {most} of {stated}");
+    }
+    assert_eq!(only_lens(&colmap("FOV 1280 960 700 700 640 480 0").unwrap()).distortion, Distortion::None);
+    let error = colmap("FOV 1280 960 700 700 640 480 3.2").unwrap_err();
+    assert!(error.contains("omega"), "{error}");
+}
+
+#[test]
 fn shared_keys_of_nerfstudio_apply_to_every_frame() {
     let pose = json!([[1, 0, 0, 1.5], [0, 0, -1, 2.5], [0, 1, 0, 3.5], [0, 0, 0, 1]]);
     let frame = |path: &str| json!({"file_path": path, "transform_matrix": pose});
