@@ -6,6 +6,7 @@
 //!
 //! Files:
 //! - `file`: regular files, memory checks, JSON documents
+//! - `heic`: HEIC images (feature `heic`)
 //! - `still`: images as RGB pixels
 //! - `clock`: capture times of images
 //! - `relative`: relative paths
@@ -13,6 +14,8 @@
 
 mod clock;
 mod file;
+#[cfg(feature = "heic")]
+mod heic;
 mod still;
 mod relative;
 #[cfg(feature = "write")]

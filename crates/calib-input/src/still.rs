@@ -89,6 +89,8 @@ const MAX_BYTES_PER_PNG_BYTE: u64 = 1032;
 const MAX_PIXELS_PER_BYTE: u64 = 1 << 16;
 /// Memory of a coefficient of a progressive JPEG, in bytes.
 const COEFFICIENT_BYTES: u64 = 2;
+/// Memory of the planes of an HEIC image, in bytes per pixel: brightness and colours of up to 16 bits.
+const HEIC_BYTES_PER_PIXEL: u64 = 6;
 
 /// Reason why an image is not decoded.
 #[derive(Debug)]
@@ -253,13 +255,20 @@ fn stretch(image: &image::ImageBuffer<Rgb<u16>, Vec<u16>>) -> RgbImage {
 /// Name of the formats of videos.
 const VIDEO: &str = "a video";
 
+/// Whether a file is an HEIC image, by its first bytes.
+fn is_heic(bytes: &[u8]) -> bool {
+    let brand = bytes.get(4..12).and_then(|head| head.strip_prefix(b"ftyp"));
+    matches!(brand, Some(b"heic" | b"heix" | b"hevc" | b"heim" | b"heis" | b"mif1" | b"msf1"))
+}
+
 /// Returns the name of a format that is not read, and advice, from the first bytes.
 fn unsupported(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
     const SAVE: &str = "save it as JPEG or PNG";
     const FRAME: &str = "save one frame of it, for example with `calib still VIDEO -o still.png`";
     let brand = bytes.get(4..12).and_then(|head| head.strip_prefix(b"ftyp"));
     match (bytes, brand) {
-        (_, Some(b"heic" | b"heix" | b"hevc" | b"heim" | b"heis" | b"mif1" | b"msf1")) => Some((
+        _ if is_heic(bytes) && cfg!(feature = "heic") => None,
+        _ if is_heic(bytes) => Some((
             "an HEIC image",
             "save it as JPEG (on an iPhone: Settings, Camera, Formats, Most Compatible)",
         )),
@@ -305,7 +314,7 @@ pub fn is_image_or_video(head: &[u8]) -> bool {
     // Some formats begin with two letters, and so do many tables.
     let is_text = head.iter().take(512).all(|byte| *byte >= b' ' || byte.is_ascii_whitespace());
     let is_unsupported = unsupported(head).is_some_and(|_| !head.starts_with(b"%PDF"));
-    !is_text && (image::guess_format(head).is_ok() || is_unsupported)
+    !is_text && (image::guess_format(head).is_ok() || is_heic(head) || is_unsupported)
 }
 
 /// Returns the reason why an image or video cannot be read, from its first bytes: the name of its format, and a way out.
@@ -326,7 +335,9 @@ pub fn image_endings() -> impl Iterator<Item = &'static str> {
         ("bmp", ImageFormat::Bmp),
         ("gif", ImageFormat::Gif),
     ];
-    ENDINGS.into_iter().filter(|(_, format)| format.reading_enabled()).map(|(ending, _)| ending)
+    let heic = if cfg!(feature = "heic") { &["heic", "heif"][..] } else { &[] };
+    let read = ENDINGS.into_iter().filter(|(_, format)| format.reading_enabled()).map(|(ending, _)| ending);
+    read.chain(heic.iter().copied())
 }
 
 fn pixels(decoder: impl ImageDecoder) -> Result<DynamicImage, ImageFileError> {
@@ -343,8 +354,8 @@ fn pixels(decoder: impl ImageDecoder) -> Result<DynamicImage, ImageFileError> {
     image.map(DynamicImage::ImageRgb8).ok_or(ImageFileError::TooLarge { size: [width, height], bytes })
 }
 
-/// Returns the memory for decoding, in bytes: the stored pixels, the RGB pixels, and the coefficients of a
-/// progressive JPEG.
+/// Returns the memory for decoding, in bytes: the stored pixels, the RGB pixels, the coefficients of a
+/// progressive JPEG, and the planes of an HEIC image.
 fn decode_memory(decoder: &impl ImageDecoder, bytes: &[u8]) -> u64 {
     let (width, height) = decoder.dimensions();
     let pixels = u64::from(width) * u64::from(height);
@@ -355,13 +366,25 @@ fn decode_memory(decoder: &impl ImageDecoder, bytes: &[u8]) -> u64 {
         _ => 9 * pixels,
     };
     let is_progressive = JpegInfo::from_bytes(bytes).is_some_and(|jpeg| jpeg.is_progressive);
-    let kept = if is_progressive { 3 * COEFFICIENT_BYTES * pixels } else { 0 };
+    let kept = match () {
+        () if is_progressive => 3 * COEFFICIENT_BYTES * pixels,
+        () if is_heic(bytes) => HEIC_BYTES_PER_PIXEL * pixels,
+        () => 0,
+    };
     decoder.total_bytes().saturating_add(rgb).saturating_add(kept)
 }
 
-fn open_decoder(bytes: &[u8]) -> Result<(impl ImageDecoder + '_, Orientation), ImageFileError> {
+fn open_decoder(bytes: &[u8]) -> Result<(Box<dyn ImageDecoder + '_>, Orientation), ImageFileError> {
     if let Some(error) = refusal(bytes) {
         return Err(error);
+    }
+    #[cfg(feature = "heic")]
+    if is_heic(bytes) {
+        let decoder = crate::heic::HeicDecoder::new(bytes)?;
+        if is_truncated(&decoder, None, bytes) {
+            return Err(ImageFileError::Truncated { size: decoder.dimensions().into(), bytes: bytes.len() });
+        }
+        return Ok((Box::new(decoder), Orientation::NoTransforms));
     }
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(ImageError::from)?;
     // This limit applies to metadata, which the library reads with the header. The memory for pixels is
@@ -375,7 +398,7 @@ fn open_decoder(bytes: &[u8]) -> Result<(impl ImageDecoder + '_, Orientation), I
         return Err(ImageFileError::Truncated { size: decoder.dimensions().into(), bytes: bytes.len() });
     }
     let orientation = decoder.orientation()?;
-    Ok((decoder, orientation))
+    Ok((Box::new(decoder), orientation))
 }
 
 /// Whether the data ends too early, or is too short for any image of this size.
@@ -473,7 +496,9 @@ mod tests {
             let text = decode(bytes).unwrap_err().to_string();
             assert!(text.contains(name) && text.contains("save"), "{text}");
         };
-        named(b"\0\0\0\x18ftypheic\0\0\0\0", "HEIC");
+        if cfg!(not(feature = "heic")) {
+            named(b"\0\0\0\x18ftypheic\0\0\0\0", "HEIC");
+        }
         named(b"\0\0\0\x1cftypavif\0\0\0\0", "AVIF");
         named(b"\0\0\0\x20ftypisom\0\0\0\0", "video");
         named(b"%PDF-1.7\n", "PDF");
