@@ -66,6 +66,7 @@ fn on_files(app: &mut App, ctx: &Context, command: Files) {
         Files::SavePlain => app.open_dialog(Purpose::SavePlain),
         Files::Open => app.open_dialog(Purpose::Open),
         Files::AddImages => app.open_dialog(Purpose::AddImages),
+        Files::AddFromAddress => app.dialogs.address = Some(Box::default()),
         Files::LoadPlan => app.open_dialog(Purpose::LoadPlan),
         Files::ReplaceStill => {
             app.jobs.replaced = app.editor.session().entry().map(Period::from_camera).unwrap_or_default();

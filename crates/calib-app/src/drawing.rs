@@ -4,6 +4,7 @@
 //! PDF or DXF stays the image of the plan, because its page and its layers can be changed later.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use calib_editor::images::has_ending;
 use calib_plan::{DrawingFacts, ImagePosition, MapSystem, ScaleSource, View};
@@ -25,6 +26,8 @@ pub struct DecodedImage {
     pub image: RgbImage,
     /// Properties of the drawing that was rasterised; `None` for other images.
     pub drawing: Option<DrawingFacts>,
+    /// SVG document of a PDF or a DXF, from which visible parts are drawn sharply.
+    pub svg: Option<Arc<[u8]>>,
 }
 
 /// Returns the shown part of the drawing of a plan.

@@ -8,7 +8,7 @@ use egui::{
 
 use crate::canvas::Mapping;
 use crate::command::{COMMANDS, Command};
-use crate::state::{App, Place};
+use crate::state::{App, Place, is_offered};
 use crate::{keys, theme};
 
 /// Registers the handles of a camera's image as widgets with names.
@@ -85,7 +85,7 @@ pub(crate) fn grouped_rows(app: &App, ui: &mut Ui, groups: &[&[Command]], chosen
 fn rows(app: &App, ui: &mut Ui, group: &[Command], chosen: &mut Option<Command>) {
     ui.set_min_width(260.0);
     let rows = group.iter().filter_map(|command| COMMANDS.iter().find(|row| row.command == *command));
-    for row in rows {
+    for row in rows.filter(|row| is_offered(row.command)) {
         let keys = row
             .keys
             .filter(|_| keys::are_shown(ui.ctx()))

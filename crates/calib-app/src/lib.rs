@@ -19,6 +19,7 @@ pub mod icons;
 pub mod paint;
 mod focus;
 pub mod canvas;
+mod detail;
 pub mod picture;
 mod edges;
 pub mod storage;

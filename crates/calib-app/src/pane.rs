@@ -459,7 +459,7 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     };
     let (mapping, painter) = canvas(app, ui, key, Mapping::new(view, rect), "Floor plan");
     let palette = theme::palette(ui.ctx());
-    let pieces = app.plan_pieces(ui.ctx());
+    let pieces = app.plan_pieces(ui.ctx(), &mapping);
     if app.view.coverage {
         update_coverage(app);
     }

@@ -4,12 +4,13 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use calib_editor::Source;
-use calib_plan::{DrawingFacts, View};
+use calib_plan::{DrawingFacts, Part, View};
 use calib_site::Plan;
 use egui::{Color32, ColorImage, Context, Painter, Pos2, Rect, TextureHandle, TextureOptions, Vec2};
 use image::RgbImage;
 
 use crate::canvas::Mapping;
+use crate::detail::{Detail, Visible};
 use crate::drawing::DecodedImage;
 use crate::platform::{Here, Platform as _, Task};
 
@@ -27,6 +28,7 @@ const MEMORY_BUDGET_BYTES: usize = if HAS_SMALL_MEMORY { 1 << 28 } else { 1 << 3
 struct Decoded {
     image: RgbImage,
     drawing: Option<DrawingFacts>,
+    svg: Option<Arc<[u8]>>,
     tiles: Vec<([u32; 2], ColorImage)>,
     overview: ColorImage,
 }
@@ -39,6 +41,8 @@ pub struct Picture {
     pub overview: TextureHandle,
     /// Properties of the drawing that was rasterised; `None` for other images.
     pub drawing: Option<DrawingFacts>,
+    /// Sharp picture of the visible part of a drawing.
+    detail: Option<Detail>,
     waiting: Vec<([u32; 2], ColorImage)>,
     tiles: Vec<([u32; 2], [u32; 2], TextureHandle)>,
 }
@@ -86,7 +90,7 @@ impl std::fmt::Debug for Pictures {
 }
 
 /// Cuts an image into tiles, and makes its small copy.
-fn cut_into_tiles(DecodedImage { image, drawing }: DecodedImage) -> Decoded {
+fn cut_into_tiles(DecodedImage { image, drawing, svg }: DecodedImage) -> Decoded {
     let (width, height) = image.dimensions();
     let mut tiles = Vec::new();
     for y in (0..height).step_by(MAX_TILE_SIDE_PX as usize - 2) {
@@ -101,7 +105,7 @@ fn cut_into_tiles(DecodedImage { image, drawing }: DecodedImage) -> Decoded {
     let size = [width, height].map(|side| ((f64::from(side) * ratio) as u32).max(1));
     let small = image::imageops::thumbnail(&image, size[0], size[1]);
     let overview = ColorImage::from_rgb(size.map(|side| side as usize), &small);
-    Decoded { image, drawing, tiles, overview }
+    Decoded { image, drawing, svg, tiles, overview }
 }
 
 fn texture_options() -> TextureOptions {
@@ -115,6 +119,7 @@ impl Picture {
             image: Arc::new(decoded.image),
             overview,
             drawing: decoded.drawing,
+            detail: decoded.svg.map(Detail::new),
             waiting: decoded.tiles,
             tiles: Vec::new(),
         }
@@ -155,6 +160,26 @@ impl Picture {
             texture: texture.id(),
         };
         self.tiles.iter().map(piece).collect()
+    }
+
+    /// Returns the tiles of a plan. If they are blurred at this zoom, a sharp picture of the visible part follows.
+    pub(crate) fn pieces_of_plan(&mut self, ctx: &Context, visible: Visible) -> Vec<Piece> {
+        let (mut pieces, whole) = (self.pieces(ctx), self.size());
+        if let Some(detail) = &mut self.detail {
+            detail.update(ctx, whole, visible);
+            pieces.extend(detail.drawn.as_ref().map(|(part, texture)| Piece {
+                low: part.low,
+                size: part.size,
+                texture: texture.id(),
+            }));
+        }
+        pieces
+    }
+
+    /// Returns the part of a drawing of which a sharp picture is shown.
+    #[must_use]
+    pub fn sharp_part(&self) -> Option<Part> {
+        Some(self.detail.as_ref()?.drawn.as_ref()?.0)
     }
 
     /// Paints the image at its position on the canvas, multiplied by the colour `tint`.
@@ -439,6 +464,7 @@ mod tests {
         let decoded = cut_into_tiles(DecodedImage {
             image: RgbImage::new(2 * MAX_TILE_SIDE_PX + 100, 50),
             drawing: None,
+            svg: None,
         });
         let widths: Vec<usize> = decoded.tiles.iter().map(|(_, tile)| tile.size[0]).collect();
         assert!(widths.iter().all(|&width| width <= MAX_TILE_SIDE_PX as usize), "{widths:?}");

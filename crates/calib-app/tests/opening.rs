@@ -13,6 +13,7 @@ use calib_site::Site;
 use calib_tests::Scratch;
 use desk::{Desk, demo, still};
 use egui::{Key, Modifiers};
+use egui_kittest::kittest::Queryable as _;
 
 /// Opens files of a folder as dropped files, and waits until they are read.
 fn open(desk: &mut Desk, scratch: &Scratch, names: &[&str]) {
@@ -152,7 +153,7 @@ fn site_opens_with_its_images_and_names_other_files() {
 fn other_files_are_refused_with_a_way_out() {
     let scratch = Scratch::new();
     scratch.write("notes.txt", "some notes");
-    scratch.write("photo.bin", b"\0\0\0\x18ftypheic\0\0\0\0");
+    scratch.write("photo.bin", b"\0\0\0\x18ftypavif\0\0\0\0");
     scratch.write("other.json", "{\"a\": 1}");
     scratch.write("BM1.csv", "BM1;48.1;11.5\n");
     for (name, expected) in [("notes.txt", "Can't open"), ("photo.bin", "JPEG"), ("other.json", "Can't open")]
@@ -269,4 +270,63 @@ fn zoom_of_an_image_has_limits() {
         let found = zoom(&desk);
         assert!((found / limit - 1.0).abs() < 0.02, "{found} instead of {limit}");
     }
+}
+
+/// Starts a camera that sends an image for `/snapshot.jpg` with the password "secret". Returns its address without
+/// scheme.
+fn camera() -> String {
+    use std::io::{BufRead as _, BufReader, Write as _};
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let mut jpeg = Vec::new();
+    let image = image::RgbImage::from_pixel(64, 48, image::Rgb([90, 120, 150]));
+    image.write_with_encoder(image::codecs::jpeg::JpegEncoder::new(&mut jpeg)).unwrap();
+    std::thread::spawn(move || {
+        for stream in listener.incoming() {
+            let mut stream = stream.unwrap();
+            let lines = BufReader::new(stream.try_clone().unwrap()).lines();
+            let head: Vec<String> = lines.map_while(Result::ok).take_while(|line| !line.is_empty()).collect();
+            let is_allowed = head.iter().any(|line| line.ends_with("Basic YWRtaW46c2VjcmV0"));
+            let (status, body) =
+                if is_allowed { ("200 OK", &jpeg[..]) } else { ("401 Unauthorized", &[][..]) };
+            let challenge = "WWW-Authenticate: Basic realm=\"camera\"\r\nConnection: close";
+            let head = format!("HTTP/1.1 {status}\r\nContent-Length: {}\r\n{challenge}\r\n\r\n", body.len());
+            // A client may not read the whole answer.
+            let _ = stream.write_all(&[head.as_bytes(), body].concat());
+        }
+    });
+    address
+}
+
+#[test]
+fn the_address_of_a_camera_gives_an_image() {
+    let address = camera();
+    let mut desk = Desk::new(Site::new());
+    desk.tell(Command::AddFromAddress);
+    let enter = |desk: &mut Desk, field: &str, text: &str| {
+        desk.harness.get_by_label(field).focus();
+        desk.harness.run_steps(2);
+        desk.harness.get_by_label(field).type_text(text);
+        desk.harness.run_steps(2);
+    };
+    enter(&mut desk, "Address", &format!("http://{address}/snapshot.jpg"));
+    desk.harness.get_by_label("Get the image").click();
+    let mut answer = None;
+    for _ in 0..600 {
+        desk.harness.step();
+        answer = desk.words().into_iter().find(|word| word.contains("requires a user name"));
+        if answer.is_some() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    assert!(answer.is_some(), "{:?}", desk.words());
+    enter(&mut desk, "User name", "admin");
+    enter(&mut desk, "Password", "secret");
+    enter(&mut desk, "Camera", "door");
+    desk.harness.get_by_label("Get the image").click();
+    desk.wait(|app| app.editor.site().cameras.len() == 1 && !app.is_working());
+    let camera = &desk.site().cameras[0];
+    assert_eq!((camera.id.as_str(), camera.size_px), ("door", [64, 48]));
+    assert!(!desk.site().to_json().contains("secret"));
 }

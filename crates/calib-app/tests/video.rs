@@ -163,3 +163,13 @@ fn a_lens_is_imported_after_the_image_of_the_video() {
     desk.wait(|app| app.editor.site().cameras.iter().any(|camera| camera.lens.is_some()));
     assert_eq!(desk.site().cameras.len(), 1);
 }
+
+#[test]
+fn pixels_that_are_not_square_are_entered() {
+    let (_scratch, mut desk) =
+        open_video("wide.mp4", include_bytes!("../../calib-video/tests/clips/anamorphic.mp4"));
+    use_image(&mut desk, 1);
+    let lens = desk.site().cameras[0].lens.clone().unwrap();
+    let Some(calib_site::PixelAspectEntry::Known(aspect)) = lens.pixel_aspect else { panic!("{lens:?}") };
+    assert!((aspect - 12.0 / 11.0).abs() < 1e-6, "{aspect}");
+}

@@ -558,6 +558,30 @@ fn dxf_plan_has_its_scale_layers_and_corners() {
 }
 
 #[test]
+fn dxf_plan_is_sharp_at_every_zoom() {
+    let scratch = Scratch::new();
+    scratch.write("hall.dxf", hall_dxf(6));
+    let mut desk = Desk::new(demo());
+    let ctx = desk.harness.ctx.clone();
+    desk.app().open_paths(&ctx, [scratch.path("hall.dxf")]);
+    desk.wait(|app| app.editor.site().plan.as_ref().is_some_and(|plan| plan.metres_per_px == 0.005));
+    desk.key(Key::Num2);
+    desk.wait(|app| app.plan_picture().is_some());
+    desk.harness.run_steps(20);
+    assert_eq!(desk.app().plan_picture().unwrap().sharp_part(), None);
+    desk.app().view.panes.active = Some((Place::Main, Pane::Plan));
+    (0..25).for_each(|_| desk.tell(Command::ZoomIn));
+    desk.wait(|app| app.plan_picture().is_some_and(|picture| picture.sharp_part().is_some()));
+    let part = desk.app().plan_picture().unwrap().sharp_part().unwrap();
+    let density = f64::from(part.pixels[0]) / part.size[0];
+    assert!(density > 3.0 && part.size[0] < 1000.0, "{part:?}");
+    // The whole plan needs no detail.
+    desk.tell(Command::Fit);
+    desk.harness.run_steps(3);
+    assert_eq!(desk.app().plan_picture().unwrap().sharp_part(), None);
+}
+
+#[test]
 fn dxf_plan_without_unit_asks_for_a_length() {
     let scratch = Scratch::new();
     scratch.write("hall.dxf", hall_dxf(0));

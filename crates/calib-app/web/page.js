@@ -113,7 +113,19 @@
     [picture.width, picture.height] = [w, h].map((length) => Math.max(1, Math.round(length * zoom)));
     const rest = tag.slice(4).replace(/\s(?:width|height)\s*=\s*(?:"[^"]*"|'[^']*')/g, "");
     const sized = `<svg width="${picture.width}" height="${picture.height}"${box.length === 4 ? "" : ` viewBox="0 0 ${w} ${h}"`}${rest}`;
-    const url = URL.createObjectURL(new Blob([text.replace(tag, () => sized)], { type: "image/svg+xml" }));
+    return paint(text.replace(tag, () => sized), picture);
+  };
+  /** Draws a part of an SVG document, whose unit is one pixel, as a PNG of this size. */
+  calib.drawPart = (bytes, part, width, height) => {
+    const text = new TextDecoder().decode(bytes);
+    const [tag] = /<svg\b[^>]*>/.exec(text);
+    const rest = tag.slice(4).replace(/\s(?:width|height|viewBox)\s*=\s*"[^"]*"/g, "");
+    const sized = `<svg width="${width}" height="${height}" preserveAspectRatio="none" viewBox="${part.join(" ")}"${rest}`;
+    return paint(text.replace(tag, () => sized), Object.assign(document.createElement("canvas"), { width, height }));
+  };
+  /** Paints an SVG text on a white canvas, and returns a PNG. */
+  const paint = async (text, picture) => {
+    const url = URL.createObjectURL(new Blob([text], { type: "image/svg+xml" }));
     try {
       const image = new Image();
       await new Promise((resolve, reject) => {
@@ -121,13 +133,22 @@
         image.onerror = () => reject(new Error("The plan is not a complete SVG drawing. Save it again, or as PNG."));
         image.src = url;
       });
-      const paint = picture.getContext("2d");
-      paint.fillStyle = "#fff";
-      paint.fillRect(0, 0, picture.width, picture.height);
-      paint.drawImage(image, 0, 0, picture.width, picture.height);
+      const context = picture.getContext("2d");
+      context.fillStyle = "#fff";
+      context.fillRect(0, 0, picture.width, picture.height);
+      context.drawImage(image, 0, 0, picture.width, picture.height);
       const png = await new Promise((resolve) => picture.toBlob(resolve, "image/png"));
       return new Uint8Array(await png.arrayBuffer());
     } finally { URL.revokeObjectURL(url); }
+  };
+  /** Converts an image in a format that only the browser reads to a PNG. */
+  calib.convert = async (bytes) => {
+    const image = await createImageBitmap(new Blob([bytes]));
+    const picture = Object.assign(document.createElement("canvas"), { width: image.width, height: image.height });
+    picture.getContext("2d").drawImage(image, 0, 0);
+    image.close();
+    const png = await new Promise((resolve) => picture.toBlob(resolve, "image/png"));
+    return new Uint8Array(await png.arrayBuffer());
   };
   /** Open video: the element, its address, and the promise of its first frame. */
   let clip = null;

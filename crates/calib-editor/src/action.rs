@@ -44,6 +44,8 @@ pub struct NewImage {
     pub size: [u32; 2],
     /// Image circle of a fisheye lens, if detected: the image is black outside it.
     pub image_circle: Option<ImageCircle>,
+    /// Pixel aspect `fy / fx` that the video of the image states; `None` for square pixels.
+    pub pixel_aspect: Option<f64>,
 }
 
 /// Component of a camera's placement that can be fixed separately.

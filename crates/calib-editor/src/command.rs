@@ -145,6 +145,7 @@ commands! {
         Save "Save the site" CTRL S;
         SavePlain "Save the site without its images\u{2026}";
         AddImages "Add images\u{2026}" CTRL I;
+        AddFromAddress "Add an image from the address of a camera\u{2026}";
         LoadPlan "Load a floor plan\u{2026}" [Cameras];
         ReplaceStill "Replace the image of this camera\u{2026}" [Camera];
         Compare "Compare with a saved version\u{2026}";

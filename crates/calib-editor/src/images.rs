@@ -357,7 +357,10 @@ fn mime_of(bytes: &[u8]) -> &'static str {
 
 /// Converts an image to JPEG if browsers do not support its format; otherwise returns it unchanged.
 fn shown_by_browsers(bytes: Arc<[u8]>) -> FileResult<Arc<[u8]>> {
-    if mime_of(&bytes) != "image/tiff" {
+    let is_shown = |(_, mime, head): &(&str, &str, &[u8])| *mime != "image/tiff" && bytes.starts_with(head);
+    // HEIC images have no known first bytes.
+    let is_svg = !calib_input::is_image_or_video(&bytes);
+    if MIME_TYPES.iter().any(is_shown) || is_svg {
         return Ok(bytes);
     }
     let image = calib_input::decode(&bytes).map_err(|error| error.to_string())?;

@@ -151,6 +151,7 @@ fn drawn() -> Operator {
             title: camera.id.clone(),
             size: camera.size_px,
             image_circle: None,
+            pixel_aspect: None,
         };
         operator.0.apply(Action::AddCamera { image: still, joins_last: false });
     }
@@ -435,6 +436,7 @@ fn steps_list_the_missing_work_of_a_camera() {
         title: "a".into(),
         size: demo.cameras[0].size_px,
         image_circle: None,
+        pixel_aspect: None,
     };
     let mut operator = Operator(Editor::default());
     operator.0.apply(Action::AddCamera { image: still, joins_last: false });

@@ -54,8 +54,13 @@ fn unrelated_changes_keep_the_joint_result_current() {
     let poses =
         |editor: &Editor| (0..5).map(|i| *editor.session().solved.pose(i).unwrap()).collect::<Vec<_>>();
     let before = poses(&editor);
-    let still =
-        NewImage { image: "yard.png".into(), title: "yard".into(), size: [640, 480], image_circle: None };
+    let still = NewImage {
+        image: "yard.png".into(),
+        title: "yard".into(),
+        size: [640, 480],
+        image_circle: None,
+        pixel_aspect: None,
+    };
     editor.apply(Action::AddCamera { image: still, joins_last: false });
     let free = Mark { id: Some("free".into()), seen: Vec::new(), ..editor.site().marks[0].clone() };
     change(&mut editor, |site| site.marks.push(free));

@@ -109,7 +109,13 @@ fn image_is_replaced_and_rescaled_in_its_own_period() {
     let mut editor = opened(site(), None);
     let before = editor.site().clone();
     let size = before.cameras[OLD].size_px.map(|side| side / 2);
-    let still = NewImage { image: "small.png".into(), title: "small".into(), size, image_circle: None };
+    let still = NewImage {
+        image: "small.png".into(),
+        title: "small".into(),
+        size,
+        image_circle: None,
+        pixel_aspect: None,
+    };
     editor.apply(Action::ReplaceImage(Period::from_camera(&before.cameras[OLD]), still));
     editor.apply(Action::RescaleToImage);
     let after = editor.site();

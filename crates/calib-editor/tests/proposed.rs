@@ -272,8 +272,13 @@ fn automatic_calibration_is_removed_with_its_camera_or_image() {
     editor.apply(Action::SelectCamera(1));
     assert!(editor.session().proposed().is_none(), "another camera is selected");
     editor.apply(Action::SelectCamera(0));
-    let still =
-        NewImage { image: "other.png".into(), title: "other".into(), size: [1920, 1080], image_circle: None };
+    let still = NewImage {
+        image: "other.png".into(),
+        title: "other".into(),
+        size: [1920, 1080],
+        image_circle: None,
+        pixel_aspect: None,
+    };
     editor.apply(Action::ReplaceImage(Period { camera: "renamed".into(), from: None }, still));
     assert!(editor.session().proposed().is_none(), "the image was replaced");
     undo(&mut editor);

@@ -15,6 +15,7 @@
 //! an error of the file. The modules, in data-flow order:
 //!
 //! - `error`: reasons why a drawing is not read;
+//! - `part`: a part of a drawing, which is drawn for itself;
 //! - `scale`: scales in texts;
 //! - `guard`: limits for the work of libraries;
 //! - `svg_memory`, `svg`: pixels of SVG documents;
@@ -27,6 +28,7 @@
 
 // A module uses only the modules above it.
 mod error;
+mod part;
 #[cfg(feature = "pdf")]
 mod scale;
 #[cfg(any(feature = "pdf", feature = "raster"))]
@@ -47,6 +49,7 @@ mod read;
 pub use drawing::{Drawing, DrawingFacts, DrawingKind, Layer, Picture, ScaleSource, View};
 pub use error::PlanError;
 pub use map_position::{ImagePosition, KmlOverlay, MapSystem, system_of_wkt};
+pub use part::Part;
 pub use read::read;
 #[cfg(feature = "raster")]
-pub use svg::rasterise;
+pub use svg::{rasterise, rasterise_part};

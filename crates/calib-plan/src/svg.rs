@@ -7,11 +7,15 @@ use resvg::tiny_skia::{Color, Pixmap, Transform};
 use resvg::usvg::{ImageKind, Options, Tree, fontdb};
 
 use crate::error::PlanError;
+use crate::guard::guarded;
+use crate::part::Part;
 use crate::svg_memory::bytes_to_draw;
 
 /// Longer side of the pixels of an SVG, in pixels. For a corridor of 60 m, one pixel is 2 cm.
 pub(crate) const SVG_SIDE: u32 = 3072;
 
+/// Largest side of a part of a drawing, in pixels.
+const MAX_PART_SIDE: u32 = 8192;
 /// Largest memory for rasterising an SVG, in bytes.
 const MAX_MEMORY_BYTES: f64 = 1e9;
 /// Memory for decoding an embedded image, in bytes per pixel: two RGBA copies.
@@ -29,10 +33,38 @@ pub fn rasterise(bytes: &[u8], size: Option<[u32; 2]>) -> Result<RgbImage, PlanE
         Some([width, _]) => width as f32 / own.width(),
         None => SVG_SIDE as f32 / own.width().max(own.height()),
     };
-    let [w, h] =
+    let size =
         size.unwrap_or_else(|| [own.width(), own.height()].map(|side| (side * zoom).round().max(1.0) as u32));
-    let zoom = Transform::from_scale(zoom, zoom);
-    let bytes = bytes_to_draw(&tree, zoom, [w, h]);
+    draw(&tree, Transform::from_scale(zoom, zoom), size)
+}
+
+/// Returns the pixels of a part of an SVG document, on white, with more or fewer pixels than its whole picture.
+///
+/// # Errors
+///
+/// As [`rasterise`]; also for a part of an unreasonable size.
+pub fn rasterise_part(svg: &[u8], part: &Part) -> Result<RgbImage, PlanError> {
+    let Part { whole, low, size, pixels } = *part;
+    let is_sensible = size.iter().all(|side| *side > 0.0 && side.is_finite())
+        && pixels.iter().all(|side| (1..=MAX_PART_SIDE).contains(side));
+    if !is_sensible {
+        return Err(damaged("the part has no size".into()));
+    }
+    let svg = svg.to_vec();
+    guarded("drawing", move || {
+        let tree = parse(&svg)?;
+        let from_whole = whole[0] as f32 / tree.size().width();
+        let zoom = [0, 1].map(|k| (f64::from(pixels[k]) / size[k]) as f32);
+        let shift = [0, 1].map(|k| -low[k] as f32 * zoom[k]);
+        let transform =
+            Transform::from_row(zoom[0] * from_whole, 0.0, 0.0, zoom[1] * from_whole, shift[0], shift[1]);
+        draw(&tree, transform, pixels)
+    })
+}
+
+/// Draws a document on white.
+fn draw(tree: &Tree, zoom: Transform, [w, h]: [u32; 2]) -> Result<RgbImage, PlanError> {
+    let bytes = bytes_to_draw(tree, zoom, [w, h]);
     if bytes.is_none_or(|bytes| bytes > MAX_MEMORY_BYTES) {
         let memory =
             bytes.map_or_else(|| "unlimited memory".into(), |bytes| format!("{:.1} GB", bytes / 1e9));
@@ -44,7 +76,7 @@ pub fn rasterise(bytes: &[u8], size: Option<[u32; 2]>) -> Result<RgbImage, PlanE
     }
     let mut pixels = Pixmap::new(w, h).ok_or_else(|| damaged("it has no size".into()))?;
     pixels.fill(Color::WHITE);
-    resvg::render(&tree, zoom, &mut pixels.as_mut());
+    resvg::render(tree, zoom, &mut pixels.as_mut());
     let colours = pixels.data().as_chunks::<4>().0.iter().flat_map(|[r, g, b, _]| [*r, *g, *b]).collect();
     RgbImage::from_raw(w, h, colours).ok_or_else(|| damaged("it has no size".into()))
 }

@@ -154,7 +154,12 @@ impl App {
 impl App {
     /// Starts reading an image that becomes a camera.
     pub fn add_still(&mut self, ctx: &Context, file: Chosen) {
-        let task = self.read_still(ctx, file);
+        self.add_video_still(ctx, file, 1.0);
+    }
+
+    /// Starts reading an image that becomes a camera. `pixel_aspect` is the pixel aspect that its video states.
+    pub(crate) fn add_video_still(&mut self, ctx: &Context, file: Chosen, pixel_aspect: f64) {
+        let task = self.read_still_with_aspect(ctx, file, pixel_aspect);
         self.jobs.has_added &= !self.jobs.adding.is_empty();
         self.jobs.adding.push(task);
     }
@@ -189,6 +194,14 @@ impl App {
 
     /// Starts reading an image file.
     pub(crate) fn read_still(&mut self, ctx: &Context, file: Chosen) -> Task<Read> {
+        self.read_still_with_aspect(ctx, file, 1.0)
+    }
+
+    /// Starts reading an image file whose pixels may not be square.
+    fn read_still_with_aspect(&mut self, ctx: &Context, file: Chosen, pixel_aspect: f64) -> Task<Read> {
+        /// Deviation from 1 below which pixels are square.
+        const NEGLIGIBLE: f64 = 1e-3;
+        let pixel_aspect = Some(pixel_aspect).filter(|aspect| (aspect - 1.0).abs() > NEGLIGIBLE);
         if let Some(path) = &file.path {
             self.allow_chosen(path);
         }
@@ -199,13 +212,14 @@ impl App {
             (None, None) => file.name.clone(),
         };
         let read = self.editor.session().images.reader(&name);
-        Here::still(ctx, file.name, read, |bytes, decoded, drawn| ReadPicture {
+        Here::still(ctx, file.name, read, move |bytes, decoded, drawn| ReadPicture {
             taken: time_in_name(&title).or_else(|| calib_input::capture_time(bytes)),
             still: NewImage {
                 image: name,
                 title,
                 size: decoded.image.dimensions().into(),
                 image_circle: calib_image::image_circle(&decoded.image),
+                pixel_aspect,
             },
             drawn,
             position: ImagePosition::from_geotiff(bytes).map(|position| {

@@ -8,4 +8,5 @@ pub(crate) mod saving;
 pub(crate) mod screenshot;
 pub(crate) mod answers;
 pub(crate) mod video;
+pub(crate) mod address;
 pub(crate) mod start;

@@ -59,7 +59,8 @@ impl FileKind {
         } else if calib_input::is_video(&head) {
             Self::Video
         } else if calib_input::is_image_or_video(&head) {
-            calib_input::refusal(&head).map_or(Self::Image, |reason| Self::Refused(reason.to_string()))
+            let refusal = calib_input::refusal(&head).filter(|_| !Here::HAS_OTHER_DECODERS);
+            refusal.map_or(Self::Image, |reason| Self::Refused(reason.to_string()))
         } else {
             Self::Other
         }

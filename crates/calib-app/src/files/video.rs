@@ -34,13 +34,6 @@ impl App {
 
     /// Adds the saved image of a video as a camera, or compares it if its name says that it is a newer image.
     fn add_frame(&mut self, ctx: &Context, sheet: &VideoSheet, image: Chosen) {
-        if (sheet.pixel_aspect - 1.0).abs() > 1e-3 {
-            self.act(Action::Note(format!(
-                "The pixels of this video are not square. Open Known values in the panel Camera, and enter the pixel \
-                 aspect {:.4}.",
-                sheet.pixel_aspect
-            )));
-        }
         let mut files = vec![image];
         self.take_newer(ctx, &mut files);
         for file in files {
@@ -50,7 +43,7 @@ impl App {
                     "{name} could not be written to the folder of the video. The site contains the image instead."
                 )));
             }
-            self.add_still(ctx, file);
+            self.add_video_still(ctx, file, sheet.pixel_aspect);
         }
     }
 }

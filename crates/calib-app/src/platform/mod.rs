@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use calib_editor::{AllowedFiles, Edge, FileResult, Source};
 use calib_image::{AutomaticCalibration, Comparison, EmptyScene, ImageEdges, SitePlacement, shrunk};
-use calib_plan::View;
+use calib_plan::{Part, View};
 use calib_site::{NewImage, Recovered, Site, SiteCamera};
 use egui::Context;
 use image::RgbImage;
@@ -67,6 +67,27 @@ pub(crate) struct PlacementRequest {
     pub(crate) cameras: Vec<usize>,
     /// Image of each camera; it may be smaller than the calibrated size.
     pub(crate) images: Vec<RgbImage>,
+}
+
+/// Address of a camera, and how to read it.
+#[derive(Clone, Debug)]
+pub(crate) struct SnapshotRequest {
+    pub(crate) address: String,
+    /// Name of the user; empty: none.
+    pub(crate) user: String,
+    pub(crate) password: String,
+    /// Whether an HTTPS certificate is accepted that no authority has signed.
+    pub(crate) accepts_any_certificate: bool,
+}
+
+/// Image file from the address of a camera.
+#[derive(Debug)]
+pub(crate) struct SnapshotFile {
+    /// Ending of the file name: jpg or png.
+    pub(crate) ending: &'static str,
+    pub(crate) bytes: Vec<u8>,
+    /// Pixel aspect that the video states; 1 for images.
+    pub(crate) pixel_aspect: f64,
 }
 
 /// Frames to read from a video.
@@ -155,6 +176,10 @@ pub(crate) trait Platform {
     const KEEPS_CTRL_N: bool;
     /// Whether files are saved to folders, next to their images; otherwise files are downloads.
     const HAS_FOLDERS: bool;
+    /// Whether images can be read from the addresses of cameras. Browsers refuse this.
+    const HAS_ADDRESSES: bool;
+    /// Whether the system may decode images in formats that our decoder does not read.
+    const HAS_OTHER_DECODERS: bool;
     /// Font of headings.
     const MEDIUM_FONT: &'static [u8];
     /// Licence notices of the crates in the program.
@@ -229,6 +254,9 @@ pub(crate) trait Platform {
         then: impl FnOnce(DecodedImage) -> T + Send + 'static,
     ) -> Task<Result<T, String>>;
 
+    /// Draws a part of an SVG document in the background.
+    fn draw_part(ctx: &Context, svg: Arc<[u8]>, part: Part) -> Task<Result<RgbImage, String>>;
+
     /// Reads an image file in the background, and passes its bytes, its pixels and its PNG to `then`. Only an
     /// SVG drawing has a PNG.
     fn still<T: Send + 'static>(
@@ -246,6 +274,9 @@ pub(crate) trait Platform {
         request: FrameRequest,
         progress: &Arc<Progress>,
     ) -> Task<Result<VideoFrames, String>>;
+
+    /// Reads an image from the address of a camera.
+    fn snapshot(ctx: &Context, request: SnapshotRequest) -> Task<Result<SnapshotFile, String>>;
 
     /// Releases the video that the browser keeps.
     fn close_video();

@@ -16,7 +16,7 @@ use egui::{
 };
 
 use crate::annotate::{annotations, lens, links, measurements, result, steps};
-use crate::files::{outside, start, video};
+use crate::files::{address, outside, start, video};
 use crate::paint::tag;
 use crate::plan::{agreement, distances, ground_points, placement, planes, survey};
 use crate::state::{App, Mode};
@@ -115,6 +115,9 @@ fn sheets_ui(app: &mut App, ui: &Ui) {
     }
     if app.jobs.video.is_some() || !app.jobs.videos.is_empty() {
         video::video_ui(app, ui.ctx());
+    }
+    if app.dialogs.address.is_some() {
+        address::address_ui(app, ui.ctx());
     }
     outside::asked_ui(app, ui.ctx());
 }

@@ -7,7 +7,7 @@ use crate::command::{self, Command};
 use crate::handles::shortcut_text;
 use crate::keys;
 use crate::platform::{Here, Platform as _};
-use crate::state::App;
+use crate::state::{App, is_offered};
 use crate::theme;
 
 /// Shows the command palette, the shortcut sheet and the about sheet if they are open.
@@ -40,6 +40,9 @@ const SYNONYMS: &[(&str, &[&str])] = &[
     ("load", &["open", "add"]),
     ("import", &["open"]),
     ("photo", &["image"]),
+    ("snapshot", &["image"]),
+    ("rtsp", &["address"]),
+    ("url", &["address"]),
     ("picture", &["image"]),
     ("map", &["plan"]),
     ("drawing", &["plan"]),
@@ -74,6 +77,7 @@ fn commands(app: &mut App, ctx: &Context) {
     let query = app.dialogs.palette.query.clone();
     let rows: Vec<command::Row> = command::all()
         .filter(|row| !matches!(row.command, Command::Palette))
+        .filter(|row| is_offered(row.command))
         .filter(|row| is_match(&app.editor.command_text(row.command), &query))
         .collect();
     let (up, down, enter, escape) = ctx.input(|i| {

@@ -23,9 +23,9 @@ use crate::focus::{FocusWatch, RequestedField};
 use crate::picture::Pictures;
 use crate::platform::{Here, Platform, Task};
 use crate::state::{
-    Automatic, AutomaticReport, Comparing, Conflict, Decision, EllipseSize, Glance, Layers, List, Looking,
-    Mode, Orbit, Outside, Palette, Panes, PathField, Place, Planning, Read, Recovering, Sent, Sheet,
-    ShownCoverage, ShownMeasurements, Tour, VideoSheet,
+    AddressSheet, Automatic, AutomaticReport, Comparing, Conflict, Decision, EllipseSize, Glance, Layers,
+    List, Looking, Mode, Orbit, Outside, Palette, Panes, PathField, Place, Planning, Read, Recovering, Sent,
+    Sheet, ShownCoverage, ShownMeasurements, Tour, VideoSheet,
 };
 use crate::storage::autosave::Shelf;
 use crate::storage::autosave::Thumbnail;
@@ -127,6 +127,8 @@ pub struct Dialogs {
     pub outside: Outside,
     /// Result of the automatic calibration and placement of all cameras, until it is closed.
     pub(crate) automatic: Option<AutomaticReport>,
+    /// Sheet for an image from the address of a camera; `None` if it is closed.
+    pub(crate) address: Option<Box<AddressSheet>>,
     /// Field for a typed path, used where no file chooser is available.
     pub path_field: Option<PathField>,
     /// Open file chooser.
@@ -282,6 +284,7 @@ impl App {
                 chooser: Dialog::open,
                 conflict: None,
                 automatic: None,
+                address: None,
                 outside: Outside::default(),
                 path_field: None,
                 dialog: None,
@@ -385,7 +388,7 @@ impl App {
     /// Whether a command has an effect now.
     #[must_use]
     pub fn is_enabled(&self, command: Command) -> bool {
-        self.editor.is_enabled(command, self.is_working())
+        is_offered(command) && self.editor.is_enabled(command, self.is_working())
     }
 
     /// Opens a file chooser for this purpose.
@@ -421,6 +424,7 @@ impl App {
         let exported = self.dialogs.export.close();
         let was_asked = self.dialogs.conflict.take().is_some()
             | self.dialogs.path_field.take().is_some()
+            | self.dialogs.address.take().is_some()
             | self.jobs.video.take().is_some()
             | !self.dialogs.outside.asked.is_empty();
         if !self.dialogs.outside.asked.is_empty() {
@@ -612,4 +616,10 @@ impl App {
             && self.editor.tool().is_idle()
             && ctx.memory(|memory| memory.focused().is_none())
     }
+}
+
+/// Whether the system of this build has a command at all.
+#[must_use]
+pub(crate) fn is_offered(command: Command) -> bool {
+    Here::HAS_ADDRESSES || command != Command::AddFromAddress
 }

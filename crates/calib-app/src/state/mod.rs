@@ -9,10 +9,13 @@ mod comparing;
 mod coverage;
 mod measurements;
 mod video;
+mod address;
 mod automatic;
 mod app;
 mod work;
 
+pub(crate) use address::AddressSheet;
+pub(crate) use app::is_offered;
 pub use app::{App, Dialogs, Hover, Jobs, Storage, ViewState};
 pub(crate) use automatic::{Automatic, AutomaticReport, AutomaticRow, RowPlacement};
 pub(crate) use comparing::{Comparing, Recovering};

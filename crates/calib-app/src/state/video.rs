@@ -185,7 +185,8 @@ impl VideoSheet {
         let Some(still) = self.chosen() else { return };
         let (image, name) = (Arc::clone(&still.image), self.name_of(still));
         let video = self.file.path.clone();
-        self.saving = Some(Task::spawn(ctx, move || Ok(saved(video.as_deref(), &name, png(&image)?))));
+        let save = move || Ok(save_image(video.as_deref(), &name, "png", png(&image)?));
+        self.saving = Some(Task::spawn(ctx, save));
     }
 }
 
@@ -195,28 +196,28 @@ impl Drop for VideoSheet {
     }
 }
 
-/// Writes an image to the folder of its video. If another file has the name, a number is added to it. If the image
-/// cannot be written, it is returned in memory.
-fn saved(video: Option<&Path>, name: &str, png: Vec<u8>) -> Chosen {
+/// Writes an image to the folder of its video, or of another file. If another file has the name, a number is added to
+/// it. If there is no folder, or the image cannot be written, it is returned in memory.
+pub(crate) fn save_image(beside: Option<&Path>, name: &str, ending: &str, bytes: Vec<u8>) -> Chosen {
     const MAX_NUMBER: u32 = 100;
     let named = |number: u32| match number {
-        1 => format!("{name}.png"),
-        number => format!("{name}-{number}.png"),
+        1 => format!("{name}.{ending}"),
+        number => format!("{name}-{number}.{ending}"),
     };
     let paths =
-        video.into_iter().flat_map(|video| (1..MAX_NUMBER).map(move |k| video.with_file_name(named(k))));
+        beside.into_iter().flat_map(|file| (1..MAX_NUMBER).map(move |k| file.with_file_name(named(k))));
     for path in paths {
         if !path.exists() {
-            match Here::write(&path, &png) {
+            match Here::write(&path, &bytes) {
                 Ok(()) => return Chosen::of_path(path),
                 Err(_) => break,
             }
         }
-        if Here::read(&path).is_ok_and(|old| old == png) {
+        if Here::read(&path).is_ok_and(|old| old == bytes) {
             return Chosen::of_path(path);
         }
     }
-    Chosen { name: named(1), path: None, bytes: Some(png) }
+    Chosen { name: named(1), path: None, bytes: Some(bytes) }
 }
 
 /// Uploads an image, at a size that every graphics card supports.

@@ -8,6 +8,8 @@ use calib_editor::{Action, AutomaticResult, plan_scale};
 use calib_site::SiteCamera;
 use egui::{Context, Id};
 
+use crate::canvas::Mapping;
+use crate::detail::Visible;
 use crate::drawing::plan_view;
 use crate::edges::Proposing;
 use crate::edges::Refining;
@@ -210,9 +212,23 @@ impl App {
         self.pictures.get_part(ctx, &picture_key(plan)?, part)
     }
 
-    /// Returns the plan image as texture tiles.
-    pub fn plan_pieces(&mut self, ctx: &Context) -> Vec<Piece> {
-        self.loaded_plan(ctx).map(|picture| picture.pieces(ctx)).unwrap_or_default()
+    /// Returns the plan image as texture tiles, for the part of the floor that a canvas shows.
+    pub fn plan_pieces(&mut self, ctx: &Context, mapping: &Mapping) -> Vec<Piece> {
+        let scale = plan_scale(self.editor.site());
+        let rect = mapping.rect;
+        let corners = [rect.left_top(), rect.right_top(), rect.left_bottom(), rect.right_bottom()];
+        let corners = corners.map(|at| {
+            let [x, y] = mapping.document(at);
+            scale.plan_from_floor(FloorPoint::new(x, y))
+        });
+        let bound = |pick: fn(f64, f64) -> f64, start: f64| {
+            [corners.iter().fold(start, |a, p| pick(a, p.x)), corners.iter().fold(start, |a, p| pick(a, p.y))]
+        };
+        let visible = Visible {
+            corners: [bound(f64::min, f64::INFINITY), bound(f64::max, f64::NEG_INFINITY)],
+            zoom: mapping.view.zoom * scale.metres_per_px * f64::from(ctx.pixels_per_point()),
+        };
+        self.loaded_plan(ctx).map(|picture| picture.pieces_of_plan(ctx, visible)).unwrap_or_default()
     }
 
     /// Returns the opacity of projected images on the plan, 0 to 1; the opacity is stored for each site.

@@ -2,7 +2,7 @@
 //!
 //! Also the results of comparisons with newer images, and cameras that are recovered from newer images.
 
-use calib_site::{LensEntry, Recovered, Site, SiteCamera, counted};
+use calib_site::{LensEntry, PixelAspectEntry, Recovered, Site, SiteCamera, counted};
 
 use crate::action::NewImage;
 use crate::command::Cameras;
@@ -35,14 +35,19 @@ impl Editor {
     }
 
     pub(super) fn add_camera(&mut self, new: NewImage, joins_last: bool) {
-        let NewImage { image, title, size, image_circle } = new;
+        let NewImage { image, title, size, image_circle, pixel_aspect } = new;
         let site = &mut self.session.site;
         let is_used = |id: &str| site.cameras.iter().any(|camera| camera.id == id);
         let id = std::iter::once(title.clone())
             .chain((2..).map(|number| format!("{title}-{number}")))
             .find(|id| !is_used(id))
             .unwrap_or_default();
-        let lens = image_circle.map(|_| LensEntry { image_circle_px: image_circle, ..LensEntry::default() });
+        let lens = LensEntry {
+            image_circle_px: image_circle,
+            pixel_aspect: pixel_aspect.map(PixelAspectEntry::Known),
+            ..LensEntry::default()
+        };
+        let lens = (lens != LensEntry::default()).then_some(lens);
         site.cameras.push(SiteCamera { image: Some(image), lens, ..SiteCamera::new(id.clone(), size) });
         let added = site.cameras.len() - 1;
         let before = self.session.history.depth();

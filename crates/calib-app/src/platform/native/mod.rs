@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use calib_editor::{AllowedFiles, Edge, FileResult, Source};
 use calib_image::{AutomaticCalibration, Comparison, ImageEdges, SitePlacement};
-use calib_plan::View;
+use calib_plan::{Part, View};
 use calib_site::{Recovered, Site, SiteCamera};
 use egui::Context;
 use image::RgbImage;
@@ -16,7 +16,8 @@ use image::RgbImage;
 use crate::choice::{Chosen, Purpose};
 use crate::drawing::DecodedImage;
 use crate::platform::{
-    Answer, FrameRequest, PlacementRequest, Platform, Progress, Recovery, Stills, VideoFrames,
+    Answer, FrameRequest, PlacementRequest, Platform, Progress, Recovery, SnapshotFile, SnapshotRequest,
+    Stills, VideoFrames,
 };
 
 /// Desktop platform.
@@ -26,6 +27,8 @@ pub(crate) struct Native;
 impl Platform for Native {
     const KEEPS_CTRL_N: bool = false;
     const HAS_FOLDERS: bool = true;
+    const HAS_ADDRESSES: bool = true;
+    const HAS_OTHER_DECODERS: bool = false;
     const MEDIUM_FONT: &'static [u8] = include_bytes!("../../../assets/IBMPlexSans-Medium.ttf");
     const NOTICES: &'static str = include_str!("../../../assets/THIRD-PARTY.txt");
     type Claim = files::Claim;
@@ -99,6 +102,10 @@ impl Platform for Native {
         task::picture(ctx, source, view, then)
     }
 
+    fn draw_part(ctx: &Context, svg: Arc<[u8]>, part: Part) -> Task<Result<RgbImage, String>> {
+        task::draw_part(ctx, svg, part)
+    }
+
     fn still<T: Send + 'static>(
         ctx: &Context,
         name: String,
@@ -115,6 +122,10 @@ impl Platform for Native {
         progress: &Arc<Progress>,
     ) -> Task<Result<VideoFrames, String>> {
         task::frames(ctx, file, request, progress)
+    }
+
+    fn snapshot(ctx: &Context, request: SnapshotRequest) -> Task<Result<SnapshotFile, String>> {
+        task::snapshot(ctx, request)
     }
 
     // Every request opens the file.

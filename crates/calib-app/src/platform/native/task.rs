@@ -5,13 +5,14 @@ use std::io::{BufReader, Cursor};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
+use calib_editor::images::png;
 use calib_editor::{Edge, Source, decode, edges, refined};
 use calib_image::{
     AutomaticCalibration, Comparison, EdgeImage, ImageEdges, PairRegistration, PlacementSearch, SitePlacement,
 };
-use calib_plan::{DrawingKind, View};
+use calib_plan::{DrawingKind, Part, Picture, View};
 use calib_site::{Recovered, Site, SiteCamera};
-use calib_video::{Video, VideoError};
+use calib_video::{Credentials, Snapshot, SnapshotErrorKind, SnapshotOptions, Video, VideoError};
 use egui::Context;
 use image::RgbImage;
 
@@ -19,7 +20,8 @@ use crate::choice::Chosen;
 use crate::drawing::DecodedImage;
 use crate::platform::native::files;
 use crate::platform::{
-    FrameRequest, Lost, PlacementRequest, Progress, Recovery, Stills, VideoContent, VideoFrames,
+    FrameRequest, Lost, PlacementRequest, Progress, Recovery, SnapshotFile, SnapshotRequest, Stills,
+    VideoContent, VideoFrames,
 };
 
 /// Task in the background and its result. A task that is dropped before its start is not started.
@@ -134,11 +136,20 @@ pub(super) fn picture<T: Send + 'static>(
 /// Decodes an image, or rasterises a drawing.
 fn decoded(bytes: &[u8], view: &View) -> Result<DecodedImage, String> {
     let Some(drawing) = calib_plan::read(bytes, view) else {
-        return Ok(DecodedImage { image: decode(bytes)?, drawing: None });
+        return Ok(DecodedImage { image: decode(bytes)?, drawing: None, svg: None });
     };
     let drawing = drawing.map_err(|error| error.to_string())?;
     let facts = drawing.facts.clone();
-    Ok(DecodedImage { image: drawing.into_image().map_err(|error| error.to_string())?, drawing: Some(facts) })
+    let svg = match &drawing.picture {
+        Picture::Svg(text) => Some(text.as_bytes().into()),
+        Picture::Pixels(_) => None,
+    };
+    let image = drawing.into_image().map_err(|error| error.to_string())?;
+    Ok(DecodedImage { image, drawing: Some(facts), svg })
+}
+
+pub(super) fn draw_part(ctx: &Context, svg: Arc<[u8]>, part: Part) -> Task<Result<RgbImage, String>> {
+    Task::spawn(ctx, move || calib_plan::rasterise_part(&svg, &part).map_err(|error| error.to_string()))
 }
 
 /// Returns the PNG of an SVG drawing; `None` for other images.
@@ -146,7 +157,7 @@ fn png_of_svg(decoded: &DecodedImage) -> Result<Option<Vec<u8>>, String> {
     if decoded.drawing.as_ref().is_none_or(|drawing| drawing.kind != DrawingKind::Svg) {
         return Ok(None);
     }
-    calib_editor::images::png(&decoded.image).map(Some)
+    png(&decoded.image).map(Some)
 }
 
 pub(super) fn still<T: Send + 'static>(
@@ -194,6 +205,24 @@ fn read_frames(file: Chosen, request: FrameRequest, progress: &Progress) -> Resu
         duration_s: video.duration_s(),
         pixel_aspect: video.pixel_aspect(),
         content: VideoContent::new(request, frames),
+    })
+}
+
+pub(super) fn snapshot(ctx: &Context, request: SnapshotRequest) -> Task<Result<SnapshotFile, String>> {
+    Task::spawn_apart(ctx, move || {
+        let SnapshotRequest { address, user, password, accepts_any_certificate } = request;
+        let credentials = (!user.is_empty()).then_some(Credentials { user, password });
+        let options = SnapshotOptions { credentials, accepts_any_certificate, ..SnapshotOptions::default() };
+        let Snapshot { image, jpeg, pixel_aspect } =
+            calib_video::snapshot(&address, &options).map_err(|error| match error.kind {
+                SnapshotErrorKind::NoCredentials => format!("{error}. Enter them."),
+                _ => format!("{error}."),
+            })?;
+        let (ending, bytes) = match jpeg {
+            Some(jpeg) => ("jpg", jpeg),
+            None => ("png", png(&image)?),
+        };
+        Ok(SnapshotFile { ending, bytes, pixel_aspect })
     })
 }
 

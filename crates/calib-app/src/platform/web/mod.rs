@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use calib_editor::{AllowedFiles, Edge, FileResult, Source};
 use calib_image::{AutomaticCalibration, Comparison, ImageEdges, SitePlacement};
-use calib_plan::{DrawingKind, View};
+use calib_plan::{DrawingKind, Part, View};
 use calib_site::{Recovered, Site, SiteCamera};
 use egui::Context;
 use image::RgbImage;
@@ -22,7 +22,8 @@ use wasm_bindgen_futures::JsFuture;
 use crate::choice::{Chosen, Purpose};
 use crate::drawing::DecodedImage;
 use crate::platform::{
-    Answer, FrameRequest, PlacementRequest, Platform, Progress, Recovery, Stills, VideoContent, VideoFrames,
+    Answer, FrameRequest, PlacementRequest, Platform, Progress, Recovery, SnapshotFile, SnapshotRequest,
+    Stills, VideoContent, VideoFrames,
 };
 
 pub use task::Task;
@@ -36,6 +37,8 @@ pub(crate) struct Web;
 impl Platform for Web {
     const KEEPS_CTRL_N: bool = true;
     const HAS_FOLDERS: bool = false;
+    const HAS_ADDRESSES: bool = false;
+    const HAS_OTHER_DECODERS: bool = true;
     // Headings use the regular font, which keeps the page small.
     const MEDIUM_FONT: &'static [u8] = include_bytes!("../../../assets/IBMPlexSans-Regular.ttf");
     const NOTICES: &'static str = include_str!("../../../assets/THIRD-PARTY-PAGE.txt");
@@ -123,6 +126,17 @@ impl Platform for Web {
         Task::wait(ctx, async move { Ok(then(decoded(source, &view).await?.0)) })
     }
 
+    fn draw_part(ctx: &Context, svg: Arc<[u8]>, part: Part) -> Task<Result<RgbImage, String>> {
+        Task::wait(ctx, async move {
+            let [x, y] = part.low;
+            let [w, h] = part.size;
+            let bytes = Uint8Array::from(&svg[..]);
+            let png = page::draw_part(&bytes, &[x, y, w, h], part.pixels[0], part.pixels[1]);
+            let png = JsFuture::from(png).await.map_err(|error| said(&error))?;
+            worker::pixels(&Uint8Array::new(&png).to_vec()).await
+        })
+    }
+
     fn still<T: Send + 'static>(
         ctx: &Context,
         name: String,
@@ -151,6 +165,11 @@ impl Platform for Web {
         }
         let progress = Arc::clone(progress);
         Task::wait(ctx, async move { frames(request, progress).await })
+    }
+
+    // The command is not offered.
+    fn snapshot(ctx: &Context, _: SnapshotRequest) -> Task<Result<SnapshotFile, String>> {
+        Task::wait(ctx, async { Err("A browser cannot read the addresses of cameras.".into()) })
     }
 
     fn close_video() {
@@ -287,23 +306,34 @@ async fn draw(bytes: &[u8], side: u32) -> Result<Vec<u8>, String> {
 /// Longer side of a rasterised SVG plan, in pixels. The desktop program uses the same size.
 const SVG_SIDE: u32 = 3072;
 
-/// Decodes an image, or rasterises a drawing. An SVG drawing also has a PNG.
+/// Decodes an image, or rasterises a drawing. An SVG drawing also has a PNG. Formats that our decoder does not read,
+/// such as WebP, are decoded by the browser.
 async fn decoded(source: Source, view: &View) -> Result<(DecodedImage, Option<Vec<u8>>), String> {
     let bytes = match source.name_to_render() {
         Some(_) => None,
         None => Some(source.clone().read(Web::read_within)?),
     };
+    if let Some((bytes, refusal)) =
+        bytes.as_deref().and_then(|bytes| Some((bytes, calib_input::refusal(bytes)?)))
+        && DrawingKind::of(bytes).is_none()
+    {
+        let png = JsFuture::from(page::convert(&Uint8Array::from(bytes))).await;
+        let png = png.map_err(|_| refusal.to_string())?;
+        let image = worker::pixels(&Uint8Array::new(&png).to_vec()).await?;
+        return Ok((DecodedImage { image, drawing: None, svg: None }, None));
+    }
     let drawing = bytes.as_deref().and_then(|bytes| Some((bytes, DrawingKind::of(bytes)?)));
     match drawing {
-        None => Ok((DecodedImage { image: worker::decode(source).await?, drawing: None }, None)),
+        None => Ok((DecodedImage { image: worker::decode(source).await?, drawing: None, svg: None }, None)),
         Some((bytes, DrawingKind::Svg)) => {
             let png = draw(bytes, SVG_SIDE).await?;
-            Ok((DecodedImage { image: worker::pixels(&png).await?, drawing: None }, Some(png)))
+            Ok((DecodedImage { image: worker::pixels(&png).await?, drawing: None, svg: None }, Some(png)))
         }
         Some((bytes, _)) => {
             let (facts, svg) = worker::drawing(bytes, view).await?;
             let png = draw(&svg, facts.size[0].max(facts.size[1])).await?;
-            Ok((DecodedImage { image: worker::pixels(&png).await?, drawing: Some(facts) }, None))
+            let image = worker::pixels(&png).await?;
+            Ok((DecodedImage { image, drawing: Some(facts), svg: Some(svg.into()) }, None))
         }
     }
 }

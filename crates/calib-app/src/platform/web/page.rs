@@ -25,6 +25,9 @@ pub(crate) fn write(message: &impl Serialize) -> Result<String, String> {
     serde_json::to_string_pretty(message).map_err(|error| error.to_string())
 }
 
+/// File name endings of images that the browser decodes.
+const BROWSER_IMAGES: [&str; 4] = ["webp", "avif", "bmp", "gif"];
+
 /// Opens a file chooser. A saved file is a download, so saving shows no chooser.
 pub(super) async fn ask(purpose: Purpose) -> Vec<Chosen> {
     match purpose {
@@ -34,9 +37,9 @@ pub(super) async fn ask(purpose: Purpose) -> Vec<Chosen> {
         // A site is chosen together with its images and its plan.
         Purpose::Open => pick_files(&[], true).await,
         Purpose::Compare => pick_files(SITE, false).await,
-        Purpose::AddImages => pick_files(&images_and_videos(), true).await,
-        Purpose::NewerStill => pick_files(&images(), true).await,
-        Purpose::ReplaceStill => pick_files(&images(), false).await,
+        Purpose::AddImages => pick_files(&[&images_and_videos()[..], &BROWSER_IMAGES].concat(), true).await,
+        Purpose::NewerStill => pick_files(&[&images()[..], &BROWSER_IMAGES].concat(), true).await,
+        Purpose::ReplaceStill => pick_files(&[&images()[..], &BROWSER_IMAGES].concat(), false).await,
         // A plan is chosen together with its world file.
         Purpose::LoadPlan => pick_files(&[&plans(), world_endings()].concat(), true).await,
         Purpose::Import => pick_files(&[], true).await,
@@ -116,6 +119,15 @@ extern "C" {
     /// Rasterises an SVG on white; the promise resolves to a PNG. `side` is its longer side, in pixels.
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn draw(bytes: &Uint8Array, side: u32) -> Promise;
+
+    /// Draws a part of an SVG document, whose unit is one pixel; the promise resolves to a PNG of this size. `part` is
+    /// x, y, width and height.
+    #[wasm_bindgen(js_namespace = calib, js_name = drawPart)]
+    pub(crate) fn draw_part(bytes: &Uint8Array, part: &[f64], width: u32, height: u32) -> Promise;
+
+    /// Converts an image in a format that only the browser reads; the promise resolves to a PNG.
+    #[wasm_bindgen(js_namespace = calib)]
+    pub(crate) fn convert(bytes: &Uint8Array) -> Promise;
 
     /// Opens a video with the decoder of the browser, and closes the video before it.
     #[wasm_bindgen(js_namespace = calib, js_name = openVideo)]
