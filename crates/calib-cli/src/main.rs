@@ -85,7 +85,7 @@ enum Command {
     Still(still::Args),
     /// Map tables of detections to the floor, or 3D points to pixels (CSV, NDJSON, Arrow, Parquet)
     #[cfg(feature = "archives")]
-    Project(project::Args),
+    Project(Box<project::Args>),
     /// Print size, scale, pages and layers of a floor plan (PDF, DXF, SVG, image), or write the plan as a
     /// picture or into a site
     Plan(plan::Args),

@@ -19,7 +19,7 @@ pub(crate) enum MapUnits {
     /// Longitude and latitude (WGS84), in degrees.
     Degrees,
     /// Projected grid.
-    Grid(CoordinateSystem),
+    Grid(Box<CoordinateSystem>),
 }
 
 /// Parses `EPSG:4326`, or the code of a projected grid.
@@ -29,7 +29,7 @@ pub(crate) fn map_units(name: &str) -> Result<MapUnits, String> {
     if name.trim().eq_ignore_ascii_case(WGS84) {
         Ok(MapUnits::Degrees)
     } else {
-        grid(name).map(MapUnits::Grid)
+        grid(name).map(|grid| MapUnits::Grid(Box::new(grid)))
     }
 }
 
@@ -116,7 +116,7 @@ impl PlanFile {
                 })?)
             }
             (MapSystem::Unknown, Some(MapUnits::Degrees)) => None,
-            (MapSystem::Unknown, Some(MapUnits::Grid(grid))) => Some(grid.clone()),
+            (MapSystem::Unknown, Some(MapUnits::Grid(grid))) => Some((**grid).clone()),
             (MapSystem::Unknown, None) => {
                 print_message(format_args!(
                     "calib: {from}: states a position without a grid; add --crs EPSG:CODE to use the position \

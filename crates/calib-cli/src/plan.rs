@@ -108,7 +108,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     let path = file.path.as_path();
     let layers = (!args.layers.is_empty()).then(|| args.layers.clone());
     let site = args.site.as_ref().map(|site| SiteFile::read(site)).transpose()?;
-    let of_site = || site.as_ref()?.site.coordinate_system().map(MapUnits::Grid);
+    let of_site = || site.as_ref()?.site.coordinate_system().map(|grid| MapUnits::Grid(Box::new(grid)));
     let crs = args.crs.clone().or_else(of_site);
     let read = read_plan(&file, args, &View { page: args.page, layers: layers.clone() }, crs.as_ref())?;
     if let Some((site, name)) = site.zip(args.site.as_ref()) {

@@ -18,7 +18,7 @@ pub(crate) fn address_ui(app: &mut App, ctx: &Context) {
         }
         Some(Ok(Err(error))) => (sheet.reading, sheet.error) = (None, Some(error)),
         Some(Err(_)) => {
-            (sheet.reading, sheet.error) = (None, Some("Internal error; please report this.".into()))
+            (sheet.reading, sheet.error) = (None, Some("Internal error; please report this.".into()));
         }
         None => {}
     }
