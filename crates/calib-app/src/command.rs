@@ -30,7 +30,11 @@ pub fn run(app: &mut App, ctx: &Context, command: Command, modifiers: Modifiers)
         return;
     }
     match command.group() {
-        Group::Tool(index) => app.act(Action::SelectTool(index)),
+        Group::Tool(index) => {
+            // The keys now belong to the tool.
+            ctx.memory_mut(|memory| memory.focused().into_iter().for_each(|id| memory.surrender_focus(id)));
+            app.act(Action::SelectTool(index));
+        }
         Group::Files(command) => on_files(app, ctx, command),
         // Escape closes sheets first.
         Group::Gesture(Gesture::Cancel) if app.close_sheets() => {}
@@ -66,7 +70,9 @@ fn on_files(app: &mut App, ctx: &Context, command: Files) {
         Files::SavePlain => app.open_dialog(Purpose::SavePlain),
         Files::Open => app.open_dialog(Purpose::Open),
         Files::AddImages => app.open_dialog(Purpose::AddImages),
-        Files::AddFromAddress => app.dialogs.address = Some(Box::default()),
+        Files::AddFromAddress => {
+            app.dialogs.address.get_or_insert_default();
+        }
         Files::LoadPlan => app.open_dialog(Purpose::LoadPlan),
         Files::ReplaceStill => {
             app.jobs.replaced = app.editor.session().entry().map(Period::from_camera).unwrap_or_default();

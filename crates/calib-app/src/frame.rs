@@ -3,11 +3,13 @@
 use egui::{Context, InputOptions, InputState, Ui};
 
 use crate::command;
+use crate::crosshair::Crosshair;
 use crate::focus;
 use crate::keys;
+use crate::paint::paint_crosshair;
 use crate::platform::{Here, Platform as _};
 use crate::shell;
-use crate::state::{App, Sent};
+use crate::state::{App, Mode, Sent};
 
 impl App {
     /// Runs and paints one frame.
@@ -18,6 +20,7 @@ impl App {
         self.watch_suspect(ui);
         self.view.panes.begin_frame();
         shell::window_ui(self, ui);
+        self.update_crosshair(ui.ctx());
         self.hover.was_typing = ui.ctx().text_edit_focused();
         if ui.memory(|memory| memory.focused()) != self.hover.focus.focused {
             // The next frame scrolls to the focused widget.
@@ -53,11 +56,35 @@ impl App {
         }
         self.poll_picture(ctx);
         self.watch_outside();
-        for (command, modifiers) in keys::pressed(ctx, self.hover.was_typing, self.jobs.video.is_some()) {
+        let has_sheet = self.jobs.video.is_some() || self.dialogs.address.is_some();
+        for (command, modifiers) in keys::pressed(ctx, self.hover.was_typing, has_sheet) {
             command::run(self, ctx, command, modifiers);
         }
         if let Some(field) = self.view.requested_field.take() {
             focus::request(ctx, field);
+        }
+    }
+
+    /// Decides whether the arrow keys move the crosshair, and paints it. With the selection tool they do so on an image
+    /// in which nothing is selected.
+    fn update_crosshair(&self, ctx: &Context) {
+        let draws = match self.view.mode {
+            Mode::Scene => false,
+            mode if self.editor.tool_row() == 0 => {
+                mode == Mode::Image
+                    && self.editor.session().selection.is_empty()
+                    && self.shown_proposal().is_none()
+            }
+            _ => true,
+        };
+        let is_free = ctx.memory(|memory| memory.focused().is_none()) && !egui::Popup::is_any_open(ctx);
+        let canvas = self.view.panes.rects.get(&self.zoom_key()).copied();
+        let at = Crosshair::with(ctx, |crosshair| {
+            crosshair.canvas = canvas.filter(|_| draws && is_free && !self.has_sheet());
+            crosshair.at.filter(|_| crosshair.canvas.is_some())
+        });
+        if let Some(at) = at {
+            paint_crosshair(ctx, at);
         }
     }
 

@@ -18,6 +18,7 @@ pub mod theme;
 pub mod icons;
 pub mod paint;
 mod focus;
+pub mod crosshair;
 pub mod canvas;
 mod detail;
 pub mod picture;

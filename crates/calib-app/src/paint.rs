@@ -185,6 +185,20 @@ pub fn chip(painter: &Painter, at: Pos2, slot: usize) -> Rect {
     rect
 }
 
+/// Paints the crosshair of the keyboard above everything.
+pub(crate) fn paint_crosshair(ctx: &egui::Context, at: Pos2) {
+    /// Ends of the four lines, in points from the position.
+    const ENDS: [f32; 2] = [4.0, 14.0];
+    let layer = egui::LayerId::new(egui::Order::Foreground, egui::Id::unique("crosshair"));
+    let painter = ctx.layer_painter(layer);
+    for by in [Vec2::new(1.0, 0.0), Vec2::new(0.0, 1.0), Vec2::new(-1.0, 0.0), Vec2::new(0.0, -1.0)] {
+        let ends = ENDS.map(|end| at + end * by);
+        for (width, colour) in [(4.0, Color32::BLACK), (2.0, Color32::WHITE)] {
+            painter.line_segment(ends, Stroke::new(width, colour));
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -16,6 +16,7 @@ use crate::annotate::minimap;
 use crate::canvas::{Bend, Mapping, View};
 use crate::choice::Purpose;
 use crate::compare::panel;
+use crate::crosshair::Crosshair;
 use crate::handles;
 use crate::keys;
 use crate::paint::{Pen, line, tag};
@@ -363,11 +364,15 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
         }
         minimap::minimap_ui(app, ui, camera, &mapping, size);
     }
+    let crosshair =
+        Crosshair::with(ui.ctx(), |crosshair| crosshair.at.filter(|_| crosshair.canvas == Some(rect)));
     if let Some((held, at)) = app.editor.tool().dragged_point()
         && held == pane
         && app.view.panes.cursor.is_some_and(|(over, _)| over == pane)
     {
         loupe::loupe_ui(app, ui, camera, &mapping, at);
+    } else if let Some(at) = crosshair {
+        loupe::loupe_ui(app, ui, camera, &mapping, mapping.document(at));
     }
 }
 

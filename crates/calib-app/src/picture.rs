@@ -133,7 +133,7 @@ impl Picture {
 
     /// Returns the estimated memory of the image with its textures, in bytes.
     fn bytes(&self) -> usize {
-        self.image.len() + 4 * self.image.len() / 3
+        self.image.len() + 4 * self.image.len() / 3 + self.detail.as_ref().map_or(0, Detail::bytes)
     }
 
     /// Uploads one more tile. Uploading all tiles in one frame would cause a delay.

@@ -2,6 +2,7 @@
 //! the layout changes.
 
 use calib_editor::Units;
+use egui::accesskit::Live;
 use egui::{Align2, DragValue, Frame, Margin, Response, RichText, Sense, Stroke, TextEdit, Ui, Vec2};
 
 pub use calib_editor::number;
@@ -112,4 +113,10 @@ pub(crate) fn cells(ui: &mut Ui, title: &str, value: &str, sigma: Option<String>
         );
     }
     painter.text(at(rect.right() - 18.0), Align2::LEFT_CENTER, unit, theme::regular(12.0), palette.text2);
+}
+
+/// Makes a widget a live region: screen readers read its text when it changes. An urgent text interrupts.
+pub(crate) fn announce(response: &Response, is_urgent: bool) {
+    let live = if is_urgent { Live::Assertive } else { Live::Polite };
+    response.ctx.accesskit_node_builder(response.id, |node| node.set_live(live));
 }

@@ -241,3 +241,57 @@ fn one_finger_pans_an_empty_image_with_the_selection_tool() {
     assert!(*desk.site() == before.0 && desk.app().editor.session().selection.is_empty());
     assert!(desk.app().editor.tool().is_idle());
 }
+
+/// Moves the crosshair to a screen point with the arrow keys, and presses Enter.
+fn point_by_keys(desk: &mut Desk, target: Pos2) {
+    const COARSE: f32 = 24.0;
+    let at = |desk: &Desk| desk.harness.ctx.plugin::<calib_app::crosshair::Crosshair>().lock().at;
+    if at(desk).is_none() {
+        desk.key(Key::ArrowLeft);
+    }
+    let from = at(desk).expect("the crosshair is shown");
+    for (by, keys) in [
+        (target.x - from.x, [Key::ArrowLeft, Key::ArrowRight]),
+        (target.y - from.y, [Key::ArrowUp, Key::ArrowDown]),
+    ] {
+        let key = keys[usize::from(by > 0.0)];
+        let coarse = (by.abs() / COARSE).floor();
+        (0..coarse as usize).for_each(|_| desk.keys(Modifiers::SHIFT, key));
+        (0..(by.abs() - COARSE * coarse).round() as usize).for_each(|_| desk.key(key));
+    }
+    desk.key(Key::Enter);
+    // Otherwise the next click could be a double click.
+    desk.harness.run_steps(30);
+}
+
+#[test]
+fn a_camera_is_calibrated_by_keys_alone() {
+    let truth = demo();
+    let mut desk = Desk::new(without_lines());
+    desk.key(Key::Num1);
+    let drawn: Vec<(Kind, Vec<Vec<Pixel>>)> = truth.cameras[0]
+        .annotations
+        .iter()
+        .filter(|drawn| matches!(drawn.kind, Kind::Parallel | Kind::Vertical))
+        .map(|drawn| (drawn.kind, drawn.segments.clone().unwrap()))
+        .collect();
+    assert!(drawn.len() >= 2, "{drawn:?}");
+    for (kind, segments) in &drawn {
+        desk.key(if *kind == Kind::Vertical { Key::V } else { Key::P });
+        for segment in segments {
+            let ends = [segment[0], segment[segment.len() - 1]];
+            for end in ends {
+                let target = desk.screen(Pane::Image(0), end.into());
+                point_by_keys(&mut desk, target);
+            }
+        }
+        desk.key(Key::W);
+    }
+    let count: usize = drawn.iter().map(|(_, segments)| segments.len()).sum();
+    let found = &desk.site().cameras[0].annotations;
+    assert_eq!(found.iter().map(|drawn| drawn.segments.as_ref().map_or(0, Vec::len)).sum::<usize>(), count);
+    // Half a point of the screen is about a pixel of the image.
+    let pose = desk.app().editor.session().pose().copied().expect("the camera is calibrated");
+    let expected = calib_demo::demo_site().truth[0].1.focal;
+    assert!((pose.focal / expected - 1.0).abs() < 0.05, "{} of {expected}", pose.focal);
+}

@@ -116,7 +116,7 @@
     return paint(text.replace(tag, () => sized), picture);
   };
   /** Draws a part of an SVG document, whose unit is one pixel, as a PNG of this size. */
-  calib.drawPart = (bytes, part, width, height) => {
+  calib.drawPart = async (bytes, part, width, height) => {
     const text = new TextDecoder().decode(bytes);
     const [tag] = /<svg\b[^>]*>/.exec(text);
     const rest = tag.slice(4).replace(/\s(?:width|height|viewBox)\s*=\s*"[^"]*"/g, "");

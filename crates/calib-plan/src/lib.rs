@@ -15,7 +15,7 @@
 //! an error of the file. The modules, in data-flow order:
 //!
 //! - `error`: reasons why a drawing is not read;
-//! - `part`: a part of a drawing, which is drawn for itself;
+//! - `part`: part of a drawing that is rasterised separately;
 //! - `scale`: scales in texts;
 //! - `guard`: limits for the work of libraries;
 //! - `svg_memory`, `svg`: pixels of SVG documents;

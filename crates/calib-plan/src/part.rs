@@ -1,6 +1,6 @@
 //! Part of the picture of a drawing.
 
-/// Part of the picture of a drawing, drawn with its own number of pixels.
+/// Part of the picture of a drawing, rasterised with its own number of pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Part {
     /// Width and height of the whole picture, in pixels.

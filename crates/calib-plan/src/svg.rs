@@ -38,19 +38,18 @@ pub fn rasterise(bytes: &[u8], size: Option<[u32; 2]>) -> Result<RgbImage, PlanE
     draw(&tree, Transform::from_scale(zoom, zoom), size)
 }
 
-/// Returns the pixels of a part of an SVG document, on white, with more or fewer pixels than its whole picture.
+/// Returns the pixels of a part of an SVG document, on white. The part has its own number of pixels.
 ///
 /// # Errors
 ///
 /// As [`rasterise`]; also for a part of an unreasonable size.
-pub fn rasterise_part(svg: &[u8], part: &Part) -> Result<RgbImage, PlanError> {
+pub fn rasterise_part(svg: Arc<[u8]>, part: &Part) -> Result<RgbImage, PlanError> {
     let Part { whole, low, size, pixels } = *part;
     let is_sensible = size.iter().all(|side| *side > 0.0 && side.is_finite())
         && pixels.iter().all(|side| (1..=MAX_PART_SIDE).contains(side));
     if !is_sensible {
         return Err(damaged("the part has no size".into()));
     }
-    let svg = svg.to_vec();
     guarded("drawing", move || {
         let tree = parse(&svg)?;
         let from_whole = whole[0] as f32 / tree.size().width();

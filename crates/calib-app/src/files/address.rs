@@ -1,26 +1,25 @@
 //! Sheet that adds an image from the address of a camera.
 
-use egui::{Align2, Button, Context, Grid, Key, RichText, TextEdit, Ui, Vec2, Window};
+use calib_editor::Action;
+use egui::text_edit::TextEditState;
+use egui::{Align2, Button, Context, Grid, Id, Key, RichText, ScrollArea, TextEdit, Ui, Vec2, Window};
 
-use crate::platform::Task;
 use crate::state::{AddressSheet, App};
 use crate::theme;
+use crate::widgets::announce;
 
 /// Shows the sheet, and adds the image once it is read.
 pub(crate) fn address_ui(app: &mut App, ctx: &Context) {
     let Some(mut sheet) = app.dialogs.address.take() else { return };
-    match sheet.reading.as_ref().and_then(Task::outcome) {
-        Some(Ok(Ok(found))) => {
-            let pixel_aspect = found.pixel_aspect;
-            let file = sheet.save(found, app.editor.session().path.as_deref());
-            app.add_video_still(ctx, file, pixel_aspect);
-            return;
+    if let Some((file, pixel_aspect)) = sheet.poll(app, ctx) {
+        if app.editor.session().path.is_some() && file.path.is_none() {
+            app.act(Action::AddError(format!(
+                "{} could not be written to the folder of the site. The site contains the image instead.",
+                file.name
+            )));
         }
-        Some(Ok(Err(error))) => (sheet.reading, sheet.error) = (None, Some(error)),
-        Some(Err(_)) => {
-            (sheet.reading, sheet.error) = (None, Some("Internal error; please report this.".into()));
-        }
-        None => {}
+        app.add_named_still(ctx, file, sheet.name(), pixel_aspect);
+        return;
     }
     let mut is_open = true;
     Window::new("Image from the address of a camera")
@@ -34,28 +33,37 @@ pub(crate) fn address_ui(app: &mut App, ctx: &Context) {
     }
 }
 
+/// Fields of the sheet, in their order.
+const FIELDS: [&str; 4] = ["Address", "User name", "Password", "Camera"];
+
+/// Returns the id of a field.
+fn field_id(name: &str) -> Id {
+    Id::unique(("address of a camera", name))
+}
+
 /// Shows the contents of the sheet. Returns whether it stays open.
 fn sheet_ui(sheet: &mut AddressSheet, app: &App, ui: &mut Ui) -> bool {
     let palette = theme::palette(ui.ctx());
-    let is_reading = sheet.reading.is_some();
+    if !std::mem::replace(&mut sheet.is_shown, true) {
+        // The undo history of a field would contain the password of an earlier sheet.
+        FIELDS.iter().for_each(|name| TextEditState::default().store(ui.ctx(), field_id(name)));
+        ui.memory_mut(|memory| memory.request_focus(field_id(FIELDS[0])));
+    }
     ui.label(RichText::new("Image from the address of a camera").font(theme::medium(13.0)));
     let mut is_entered = false;
+    let is_reading = sheet.reading.is_some();
     ui.add_enabled_ui(!is_reading, |ui| {
+        let hints =
+            ["http://192.168.1.10/snapshot.jpg, or rtsp://\u{2026}", "", "", "the host of the address"];
         Grid::new("address").num_columns(2).spacing([12.0, 6.0]).show(ui, |ui| {
-            let hint = "http://192.168.1.10/snapshot.jpg, or rtsp://\u{2026}";
-            let address = field(ui, "Address", TextEdit::singleline(&mut sheet.address).hint_text(hint));
-            if sheet.address.is_empty() && ui.memory(|memory| memory.focused().is_none()) {
-                address.request_focus();
+            let texts = [&mut sheet.address, &mut sheet.user, &mut sheet.password, &mut sheet.camera];
+            for ((name, text), hint) in FIELDS.into_iter().zip(texts).zip(hints) {
+                let edit = TextEdit::singleline(text).hint_text(hint).password(name == "Password");
+                let has_left = field(ui, name, edit).lost_focus();
+                is_entered |= has_left && ui.input(|input| input.key_pressed(Key::Enter));
             }
-            let user = field(ui, "User name", TextEdit::singleline(&mut sheet.user));
-            let password = field(ui, "Password", TextEdit::singleline(&mut sheet.password).password(true));
-            let camera = TextEdit::singleline(&mut sheet.camera).hint_text("the host of the address");
-            let camera = field(ui, "Camera", camera);
-            let fields = [address, user, password, camera];
-            is_entered = fields.iter().any(egui::Response::lost_focus)
-                && ui.input(|input| input.key_pressed(Key::Enter));
         });
-        if sheet.address.trim_start().starts_with("https") {
+        if sheet.address.trim_start().to_ascii_lowercase().starts_with("https") {
             let text = "Accept a certificate that no authority has signed";
             ui.checkbox(&mut sheet.accepts_any_certificate, text).on_hover_text(
                 "Usual for cameras in a local network. Anyone in this network could pose as the camera.",
@@ -69,19 +77,23 @@ fn sheet_ui(sheet: &mut AddressSheet, app: &App, ui: &mut Ui) -> bool {
     let text = format!("Name and password are sent only to this host and are not saved. {saved}");
     ui.label(RichText::new(text).small().color(palette.text2));
     if let Some(error) = &sheet.error {
-        ui.label(RichText::new(error).color(palette.bad));
+        ScrollArea::vertical().max_height(120.0).show(ui, |ui| {
+            announce(&ui.label(RichText::new(error).color(palette.bad)), true);
+        });
     }
     let mut is_open = true;
     ui.horizontal(|ui| {
-        let is_ready = !is_reading && sheet.address.contains("://");
-        let button = ui.add_enabled(is_ready, Button::new("Get the image"));
-        let button =
-            button.on_disabled_hover_text("Enter an address that begins with http://, https:// or rtsp://");
-        if button.clicked() || is_ready && is_entered {
+        let has_address = sheet.address.contains("://");
+        let button = ui.add_enabled(has_address && !is_reading, Button::new("Get the image"));
+        let hint = match is_reading {
+            true => "The camera has been asked",
+            false => "Enter an address that begins with http://, https:// or rtsp://",
+        };
+        if button.on_disabled_hover_text(hint).clicked() || has_address && is_entered {
             sheet.read(ui.ctx());
         }
         is_open = !ui.button("Cancel").clicked();
-        if sheet.reading.is_some() {
+        if is_reading {
             ui.spinner();
             ui.label("Waiting for the camera\u{2026}");
         }
@@ -92,7 +104,7 @@ fn sheet_ui(sheet: &mut AddressSheet, app: &App, ui: &mut Ui) -> bool {
 /// Shows a field with its label as a row of the grid.
 fn field(ui: &mut Ui, name: &str, edit: TextEdit<'_>) -> egui::Response {
     let label = ui.label(name);
-    let response = ui.add(edit.desired_width(340.0)).labelled_by(label.id);
+    let response = ui.add(edit.desired_width(340.0).id(field_id(name))).labelled_by(label.id);
     ui.end_row();
     response
 }

@@ -159,7 +159,23 @@ impl App {
 
     /// Starts reading an image that becomes a camera. `pixel_aspect` is the pixel aspect that its video states.
     pub(crate) fn add_video_still(&mut self, ctx: &Context, file: Chosen, pixel_aspect: f64) {
-        let task = self.read_still_with_aspect(ctx, file, pixel_aspect);
+        let title = camera_name(file.path.as_deref().unwrap_or(Path::new(&file.name)));
+        self.add_named_still(ctx, file, title, pixel_aspect);
+    }
+
+    /// Starts reading an image that becomes a camera of this name.
+    pub(crate) fn add_named_still(&mut self, ctx: &Context, file: Chosen, title: String, pixel_aspect: f64) {
+        /// Range of the pixel aspects that a site accepts.
+        const ACCEPTED: std::ops::RangeInclusive<f64> = 0.1..=10.0;
+        /// Deviation from 1 below which pixels are square.
+        const NEGLIGIBLE: f64 = 1e-3;
+        if !ACCEPTED.contains(&pixel_aspect) {
+            let text =
+                format!("The pixel aspect {pixel_aspect:.4} of the video is not plausible, and is ignored.");
+            self.act(Action::Note(text));
+        }
+        let is_used = |aspect: &f64| (aspect - 1.0).abs() > NEGLIGIBLE && ACCEPTED.contains(aspect);
+        let task = self.read_named_still(ctx, file, title, Some(pixel_aspect).filter(is_used));
         self.jobs.has_added &= !self.jobs.adding.is_empty();
         self.jobs.adding.push(task);
     }
@@ -194,18 +210,21 @@ impl App {
 
     /// Starts reading an image file.
     pub(crate) fn read_still(&mut self, ctx: &Context, file: Chosen) -> Task<Read> {
-        self.read_still_with_aspect(ctx, file, 1.0)
+        let title = camera_name(file.path.as_deref().unwrap_or(Path::new(&file.name)));
+        self.read_named_still(ctx, file, title, None)
     }
 
-    /// Starts reading an image file whose pixels may not be square.
-    fn read_still_with_aspect(&mut self, ctx: &Context, file: Chosen, pixel_aspect: f64) -> Task<Read> {
-        /// Deviation from 1 below which pixels are square.
-        const NEGLIGIBLE: f64 = 1e-3;
-        let pixel_aspect = Some(pixel_aspect).filter(|aspect| (aspect - 1.0).abs() > NEGLIGIBLE);
+    /// Starts reading an image file with a name for the operator. `pixel_aspect` is `None` for square pixels.
+    fn read_named_still(
+        &mut self,
+        ctx: &Context,
+        file: Chosen,
+        title: String,
+        pixel_aspect: Option<f64>,
+    ) -> Task<Read> {
         if let Some(path) = &file.path {
             self.allow_chosen(path);
         }
-        let title = camera_name(file.path.as_deref().unwrap_or(Path::new(&file.name)));
         let name = match (&file.path, file.bytes) {
             (Some(path), _) => path.to_string_lossy().into_owned(),
             (None, Some(bytes)) => self.editor.store_image(bytes.into(), mime(&file.name), Some(&file.name)),

@@ -38,7 +38,7 @@ impl App {
         (self.jobs.replacing, self.jobs.planning, self.jobs.refining, self.dialogs.dialog) =
             (None, None, None, None);
         (self.jobs.proposing, self.jobs.automatic, self.dialogs.automatic) = (None, None, None);
-        self.jobs.video = None;
+        (self.jobs.video, self.dialogs.address) = (None, None);
         self.jobs.videos.clear();
         self.stop_comparing();
         (self.jobs.picture, self.jobs.pictured) = (None, None);

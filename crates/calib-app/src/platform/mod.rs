@@ -70,7 +70,7 @@ pub(crate) struct PlacementRequest {
 }
 
 /// Address of a camera, and how to read it.
-#[derive(Clone, Debug)]
+#[cfg_attr(target_arch = "wasm32", expect(dead_code, reason = "browsers do not read these addresses"))]
 pub(crate) struct SnapshotRequest {
     pub(crate) address: String,
     /// Name of the user; empty: none.

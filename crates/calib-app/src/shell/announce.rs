@@ -1,16 +1,10 @@
 //! Announcements for screen readers: the status line, errors, and the result of the selected camera.
 
 use calib_editor::{camera_status, steps};
-use egui::accesskit::Live;
-use egui::{Rect, Response, Role, Sense, Ui, Vec2, WidgetInfo};
+use egui::{Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::state::App;
-
-/// Makes a widget a live region: screen readers read its text when it changes. An urgent text interrupts.
-pub(crate) fn announce(response: &Response, is_urgent: bool) {
-    let live = if is_urgent { Live::Assertive } else { Live::Polite };
-    response.ctx.accesskit_node_builder(response.id, |node| node.set_live(live));
-}
+use crate::widgets::announce;
 
 /// Adds an invisible live region with the result of the selected camera. The text appears when the result changes, and
 /// disappears after some seconds.

@@ -190,6 +190,8 @@ fn shortcuts(app: &mut App, ctx: &Context) {
                 "Wheel: zoom at the cursor.   Drag with the middle button or Space: pan.   Tab: next handle.",
                 "While dragging: hold Shift to move a tenth as far, press Esc to cancel.   \
                  While dragging or drawing: hold Alt to snap to the edge.",
+                "Without a mouse: the arrow keys move a crosshair while a tool is active (Shift: faster), and Enter clicks. \
+                 Enter again at the same place finishes a line.",
                 "Marks: hold Alt to drag the camera instead of the mark, Ctrl to change its height.   \
                  Ctrl+click: select more.",
             ] {

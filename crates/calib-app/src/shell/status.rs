@@ -9,12 +9,13 @@ use calib_site::{Stage, counted};
 use egui::scroll_area::ScrollBarVisibility;
 use egui::{Align, Align2, Layout, RichText, Ui, Vec2};
 
+use crate::crosshair::Crosshair;
 use crate::icons::{self, Icon, Look};
 use crate::keys;
-use crate::shell::announce::{announce, result_region};
+use crate::shell::announce::result_region;
 use crate::state::App;
 use crate::theme;
-use crate::widgets::{decimals, number};
+use crate::widgets::{announce, decimals, number};
 
 /// Shows the status line.
 pub(crate) fn status_ui(app: &mut App, ui: &mut Ui) {
@@ -30,6 +31,10 @@ pub(crate) fn status_ui(app: &mut App, ui: &mut Ui) {
                 "The overlay is hidden. Press H to show it.".into()
             }
             _ => proposal_hint(app, ui).unwrap_or_else(|| app.editor.tool().hint(app.editor.session())),
+        };
+        let hint = match Crosshair::with(ui.ctx(), |crosshair| crosshair.at) {
+            Some(_) => format!("{hint}  Arrow keys move the crosshair (Shift: faster). Enter clicks."),
+            None => hint,
         };
         let hint = keys::shown_hint(ui.ctx(), &hint).to_owned();
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {

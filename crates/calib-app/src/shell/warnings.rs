@@ -10,10 +10,10 @@ use crate::command::Command;
 use crate::compare::panel::verdict;
 use crate::icons::{self, Icon};
 use crate::keys;
-use crate::shell::announce::announce;
 use crate::state::{App, Mode};
 use crate::storage::autosave::ago;
 use crate::theme;
+use crate::widgets::announce;
 use crate::widgets::heading;
 
 /// Shows every camera with the age of its calibration and the comparison result of its newest image.

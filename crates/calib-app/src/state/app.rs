@@ -419,6 +419,20 @@ impl App {
         }
     }
 
+    /// Whether a sheet or a dialog is above the window.
+    #[must_use]
+    pub(crate) fn has_sheet(&self) -> bool {
+        let dialogs = &self.dialogs;
+        dialogs.export.is_open
+            || dialogs.palette.is_open
+            || dialogs.shortcuts
+            || dialogs.about
+            || dialogs.conflict.is_some()
+            || dialogs.path_field.is_some()
+            || dialogs.address.is_some()
+            || self.jobs.video.is_some()
+    }
+
     /// Closes all sheets and dialogs; returns whether one was open.
     pub fn close_sheets(&mut self) -> bool {
         let exported = self.dialogs.export.close();

@@ -198,14 +198,14 @@ impl Drop for VideoSheet {
 
 /// Writes an image to the folder of its video, or of another file. If another file has the name, a number is added to
 /// it. If there is no folder, or the image cannot be written, it is returned in memory.
-pub(crate) fn save_image(beside: Option<&Path>, name: &str, ending: &str, bytes: Vec<u8>) -> Chosen {
+pub(crate) fn save_image(neighbour: Option<&Path>, name: &str, ending: &str, bytes: Vec<u8>) -> Chosen {
     const MAX_NUMBER: u32 = 100;
     let named = |number: u32| match number {
         1 => format!("{name}.{ending}"),
         number => format!("{name}-{number}.{ending}"),
     };
     let paths =
-        beside.into_iter().flat_map(|file| (1..MAX_NUMBER).map(move |k| file.with_file_name(named(k))));
+        neighbour.into_iter().flat_map(|file| (1..MAX_NUMBER).map(move |k| file.with_file_name(named(k))));
     for path in paths {
         if !path.exists() {
             match Here::write(&path, &bytes) {

@@ -149,7 +149,7 @@ fn decoded(bytes: &[u8], view: &View) -> Result<DecodedImage, String> {
 }
 
 pub(super) fn draw_part(ctx: &Context, svg: Arc<[u8]>, part: Part) -> Task<Result<RgbImage, String>> {
-    Task::spawn(ctx, move || calib_plan::rasterise_part(&svg, &part).map_err(|error| error.to_string()))
+    Task::spawn(ctx, move || calib_plan::rasterise_part(svg, &part).map_err(|error| error.to_string()))
 }
 
 /// Returns the PNG of an SVG drawing; `None` for other images.

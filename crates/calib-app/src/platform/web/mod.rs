@@ -306,8 +306,8 @@ async fn draw(bytes: &[u8], side: u32) -> Result<Vec<u8>, String> {
 /// Longer side of a rasterised SVG plan, in pixels. The desktop program uses the same size.
 const SVG_SIDE: u32 = 3072;
 
-/// Decodes an image, or rasterises a drawing. An SVG drawing also has a PNG. Formats that our decoder does not read,
-/// such as WebP, are decoded by the browser.
+/// Decodes an image, or rasterises a drawing. Formats that our decoder does not read, such as WebP,
+/// are decoded by the browser. They and SVG drawings also have a PNG.
 async fn decoded(source: Source, view: &View) -> Result<(DecodedImage, Option<Vec<u8>>), String> {
     let bytes = match source.name_to_render() {
         Some(_) => None,
@@ -319,8 +319,10 @@ async fn decoded(source: Source, view: &View) -> Result<(DecodedImage, Option<Ve
     {
         let png = JsFuture::from(page::convert(&Uint8Array::from(bytes))).await;
         let png = png.map_err(|_| refusal.to_string())?;
-        let image = worker::pixels(&Uint8Array::new(&png).to_vec()).await?;
-        return Ok((DecodedImage { image, drawing: None, svg: None }, None));
+        let png = Uint8Array::new(&png).to_vec();
+        let image = worker::pixels(&png).await?;
+        // Other programs read the PNG.
+        return Ok((DecodedImage { image, drawing: None, svg: None }, Some(png)));
     }
     let drawing = bytes.as_deref().and_then(|bytes| Some((bytes, DrawingKind::of(bytes)?)));
     match drawing {

@@ -41,7 +41,9 @@ pub(super) async fn ask(purpose: Purpose) -> Vec<Chosen> {
         Purpose::NewerStill => pick_files(&[&images()[..], &BROWSER_IMAGES].concat(), true).await,
         Purpose::ReplaceStill => pick_files(&[&images()[..], &BROWSER_IMAGES].concat(), false).await,
         // A plan is chosen together with its world file.
-        Purpose::LoadPlan => pick_files(&[&plans(), world_endings()].concat(), true).await,
+        Purpose::LoadPlan => {
+            pick_files(&[&plans()[..], &BROWSER_IMAGES, world_endings()].concat(), true).await
+        }
         Purpose::Import => pick_files(&[], true).await,
         Purpose::SavePicture => {
             vec![Chosen { name: "view.png".into(), path: Some("view.png".into()), bytes: None }]
