@@ -32,7 +32,7 @@ pub(crate) struct SnapshotArgs {
 /// Writes the snapshot of an address.
 pub(crate) fn run(address: &str, args: &SnapshotArgs, output: &OutputArgs) -> Result<(), CommandError> {
     let snapshot = read(address, args)?;
-    print_pixel_aspect(snapshot.pixel_aspect);
+    print_pixel_aspect("", snapshot.pixel_aspect);
     // A JPEG stays as the camera sent it.
     match &snapshot.jpeg {
         Some(jpeg) if output.is_jpeg()? => output.write(jpeg),
@@ -40,11 +40,11 @@ pub(crate) fn run(address: &str, args: &SnapshotArgs, output: &OutputArgs) -> Re
     }
 }
 
-/// Prints how to enter the pixel aspect of a video, if its pixels are not square.
-pub(crate) fn print_pixel_aspect(aspect: f64) {
+/// Prints how to enter the pixel aspect of a video, if its pixels are not square. `camera` begins the message.
+pub(crate) fn print_pixel_aspect(camera: &str, aspect: f64) {
     if (aspect - 1.0).abs() > 1e-3 {
         print_message(format_args!(
-            "calib: the pixels of this video are not square; enter \"pixel_aspect\": {aspect:.4} in the lens of the \
+            "calib: {camera}the pixels of this video are not square; enter \"pixel_aspect\": {aspect:.4} in the lens of the \
              camera"
         ));
     }

@@ -55,9 +55,9 @@ impl ListedCamera {
             () if is_path || self.id.chars().any(char::is_control) => {
                 Some("the id cannot be used as a file name")
             }
-            () if !calib_video::is_address(&self.address) => {
-                Some("the address is incomplete, expected http://\u{2026} or https://\u{2026}")
-            }
+            () if !calib_video::is_address(&self.address) => Some(
+                "the address is incomplete, expected http://\u{2026}, https://\u{2026} or rtsp://\u{2026}",
+            ),
             () => None,
         }
     }
@@ -77,7 +77,8 @@ impl ListedCamera {
         let own = self.credentials.as_ref().map(|file| list.with_file_name("").join(file));
         let mut args = args.clone();
         args.credentials = own.or(args.credentials);
-        let Snapshot { image, jpeg, .. } = snapshot::read(&self.address, &args)?;
+        let Snapshot { image, jpeg, pixel_aspect } = snapshot::read(&self.address, &args)?;
+        snapshot::print_pixel_aspect(&format!("{}: ", self.id), pixel_aspect);
         // A JPEG stays as the camera sent it.
         let path = &paths[usize::from(jpeg.is_none())];
         let bytes = jpeg.map_or_else(|| picture::encode(&image, path), Ok)?;

@@ -69,7 +69,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
             image
         }
     };
-    snapshot::print_pixel_aspect(video.pixel_aspect());
+    snapshot::print_pixel_aspect("", video.pixel_aspect());
     args.output.write_image(&image)
 }
 

@@ -346,7 +346,7 @@ fn nearest(
     };
     let off = round_up(off, 3);
     notes.push(format!(
-        "{}: {what}, approximated by four Kannala-Brandt terms with an error of at most {off:.3} px",
+        "{}: {what}: the nearest Kannala-Brandt lens is used, with an error of at most {off:.3} px",
         line.place()
     ));
     let ratio = lens.focal / (0.5 * (fx + fy));

@@ -32,7 +32,7 @@ struct Project {
 }
 
 pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
-    let (mut given, mut drawn, mut notes) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut given, mut unsolved, mut notes) = (Vec::new(), Vec::new(), Vec::new());
     for file in files.iter() {
         let project = Project::read(file)?;
         let root = Node::root(&project.state, &project.tree);
@@ -42,16 +42,16 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
             None if is_alone && root.get("globalSettings").is_none() => {
                 given.push(solved(&root, file, files.size())?.with_path(&file.name));
             }
-            None => drawn.push(lines(&root, &project, files.size(), &mut notes)?),
+            None => unsolved.push(lines(&root, &project, files.size(), &mut notes)?),
         }
         notes.extend(root.unread_keys());
         notes.extend((!is_alone).then(|| format!("{}: not imported: the image", file.name)));
     }
     if given.is_empty() {
-        return checked_site(drawn, notes, &files[0].name);
+        return checked_site(unsolved, notes, &files[0].name);
     }
     let imported = site_with_notes(given, notes, files, &files[0].name)?;
-    let cameras = [imported.site.cameras, drawn].concat();
+    let cameras = [imported.site.cameras, unsolved].concat();
     let mut imported = checked_site(cameras, imported.notes, &files[0].name)?;
     if files.unit_m().is_none() {
         imported
@@ -102,6 +102,46 @@ fn lines(
             .ok()
             .map(|size| [size.width, size.height].map(|side| side as u32))
     };
+    let groups = vanishing_points(root);
+    if groups.is_empty() {
+        return Err(FormatError::new(name, Problem::NoCameraInProject));
+    }
+    let Some(size) = stated.or_else(from_image) else {
+        let expected = "an image in the project; add its size (calib import --size 1920x1080)";
+        return Err(FormatError::expected(name, "lines without an image", expected));
+    };
+    let mut drawn: Vec<(char, Vec<Vec<Pixel>>)> = Vec::new();
+    for (axis, group) in &groups {
+        drawn.push((*axis, segments(&group.require(&["lineSegments"])?, size)?));
+    }
+    // In the mode for rectangles, the second direction joins the ends of the lines of the first.
+    let quad = root.get("calibrationSettings2VP").and_then(|node| node.get("quadModeEnabled"));
+    let is_quad = quad.is_some_and(|node| node.flag() == Ok(true));
+    if let (true, [(_, first), (_, second), ..]) = (is_quad, &mut drawn[..])
+        && let [a, b] = &first[..]
+    {
+        *second = a.iter().zip(b).map(|(&a, &b)| vec![a, b]).collect();
+    }
+    let mut camera = SiteCamera::new(project.state.stem(), size);
+    for (axis, segments) in drawn {
+        let kind = if axis == 'z' { Kind::Vertical } else { Kind::Parallel };
+        let mut annotation = Annotation::from_segments(kind, segments);
+        if kind == Kind::Parallel {
+            let id = axis.to_string();
+            let others = camera.annotations.iter().filter_map(|other| other.id.as_ref());
+            // Both vanishing points of a project may have the same axis.
+            let is_same = others.clone().any(|other| *other == id);
+            annotation.at_right_angles_to = others.clone().next().filter(|_| !is_same).cloned();
+            annotation.id = Some(if is_same { format!("{id}-2") } else { id });
+        }
+        camera.annotations.push(annotation);
+    }
+    notes.push(format!("{name}: fSpy has calculated no camera; its lines are imported as annotations"));
+    Ok(camera)
+}
+
+/// Returns the vanishing points that a project uses, each with the letter of its axis.
+fn vanishing_points<'a>(root: &Node<'a>) -> Vec<(char, Node<'a>)> {
     let of = |part: &str, key: &str| root.get(part).and_then(|node| node.get(key));
     let text = |part: &str, key: &str| of(part, key).and_then(|node| node.text().ok().map(str::to_owned));
     let base = "calibrationSettingsBase";
@@ -121,39 +161,7 @@ fn lines(
             groups.push((third.unwrap_or('z'), of("controlPointsState2VP", "thirdVanishingPoint")));
         }
     }
-    let groups: Vec<(char, Node)> =
-        groups.into_iter().filter_map(|(axis, node)| Some((axis, node?))).collect();
-    if groups.is_empty() {
-        return Err(FormatError::new(name, Problem::NoCameraInProject));
-    }
-    let Some(size) = stated.or_else(from_image) else {
-        let expected = "an image in the project; add its size (calib import --size 1920x1080)";
-        return Err(FormatError::expected(name, "lines without an image", expected));
-    };
-    let mut drawn: Vec<(char, Vec<Vec<Pixel>>)> = Vec::new();
-    for (axis, group) in &groups {
-        drawn.push((*axis, segments(&group.require(&["lineSegments"])?, size)?));
-    }
-    // In the mode for rectangles, the second direction joins the ends of the lines of the first.
-    let is_quad = of("calibrationSettings2VP", "quadModeEnabled").is_some_and(|node| node.flag() == Ok(true));
-    if let (true, [(_, first), (_, second), ..]) = (is_quad, &mut drawn[..])
-        && let [a, b] = &first[..]
-    {
-        *second = a.iter().zip(b).map(|(&a, &b)| vec![a, b]).collect();
-    }
-    let mut camera = SiteCamera::new(project.state.stem(), size);
-    for (axis, segments) in drawn {
-        let kind = if axis == 'z' { Kind::Vertical } else { Kind::Parallel };
-        let mut annotation = Annotation::from_segments(kind, segments);
-        if kind == Kind::Parallel {
-            let other = camera.annotations.iter().find(|other| other.kind == Kind::Parallel);
-            annotation.at_right_angles_to = other.and_then(|other| other.id.clone());
-            annotation.id = Some(axis.to_string());
-        }
-        camera.annotations.push(annotation);
-    }
-    notes.push(format!("{name}: fSpy has calculated no camera; its lines are imported as annotations"));
-    Ok(camera)
+    groups.into_iter().filter_map(|(axis, node)| Some((axis, node?))).collect()
 }
 
 /// Reads the segments of a vanishing point, in pixels.

@@ -17,8 +17,45 @@ pub(crate) struct HeicDecoder<'a> {
 impl<'a> HeicDecoder<'a> {
     /// Reads the header.
     pub(crate) fn new(bytes: &'a [u8]) -> ImageResult<Self> {
-        Ok(Self { bytes, info: without_panic(|| heic_rs::probe(bytes))? })
+        let info = without_panic(|| {
+            let info = heic_rs::probe(bytes)?;
+            check_sizes(bytes, &info)?;
+            Ok(info)
+        })?;
+        Ok(Self { bytes, info })
     }
+}
+
+/// Checks that the coded pictures have the sizes in the header, and that the tiles of a grid cover the image only
+/// once. Otherwise a small file could need any amount of memory and time.
+fn check_sizes(bytes: &[u8], info: &ImageInfo) -> Result<(), Error> {
+    let context = Context::open(bytes)?;
+    let tiles = context.grid(info.primary_item)?;
+    let items = match &tiles {
+        Some((_, tiles)) => tiles.clone(),
+        None => vec![info.primary_item],
+    };
+    if let (Some((grid, _)), Some(tile)) = (&tiles, info.grid) {
+        let side = |count: u32, side: u32| u64::from(count) * u64::from(side);
+        let is_covered_once =
+            |count, tile, whole: u32| side(count, tile) < u64::from(whole) + u64::from(tile);
+        let [w, h] = [info.coded_width, info.coded_height];
+        if !is_covered_once(grid.columns, tile.tile_width, w)
+            || !is_covered_once(grid.rows, tile.tile_height, h)
+        {
+            return Err(Error::Malformed("its tiles are larger than the image"));
+        }
+    }
+    let mut checked = std::collections::BTreeSet::new();
+    for item in items.into_iter().filter(|item| checked.insert(*item)) {
+        let properties = context.props(item)?;
+        let (Some(size), Some(codec)) = (&properties.ispe, &properties.hvcc) else { continue };
+        let coded = heic_rs::hevc::probe(&codec.parameter_sets())?;
+        if [coded.width, coded.height] != [size.width, size.height] {
+            return Err(Error::Malformed("the size of a picture differs from its header"));
+        }
+    }
+    Ok(())
 }
 
 /// Runs a part of the decoder; a panic becomes an error of the file.

@@ -89,8 +89,9 @@ const MAX_BYTES_PER_PNG_BYTE: u64 = 1032;
 const MAX_PIXELS_PER_BYTE: u64 = 1 << 16;
 /// Memory of a coefficient of a progressive JPEG, in bytes.
 const COEFFICIENT_BYTES: u64 = 2;
-/// Memory of the planes of an HEIC image, in bytes per pixel: brightness and colours of up to 16 bits.
-const HEIC_BYTES_PER_PIXEL: u64 = 6;
+/// Memory for decoding an HEIC image, in bytes per pixel: planes of 16 bits, and the image before and after its
+/// rotation.
+const HEIC_BYTES_PER_PIXEL: u64 = 12;
 
 /// Reason why an image is not decoded.
 #[derive(Debug)]

@@ -61,7 +61,7 @@ pub enum SnapshotErrorKind {
     Failed,
 }
 
-/// Reason why there is no snapshot. The text contains the address without its secrets.
+/// Reason why a snapshot is missing. The text contains the address without its secrets.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SnapshotError {
     /// Kind of the error.
@@ -72,10 +72,10 @@ pub struct SnapshotError {
 
 impl SnapshotError {
     fn new(kind: SnapshotErrorKind, address: &str, what: impl fmt::Display) -> Self {
-        // A library may repeat the whole address.
-        let hidden = address.split_once('?').map(|(_, query)| query).filter(|query| !query.is_empty());
+        // Texts of libraries can have several paragraphs, and can repeat the address.
         let what = what.to_string();
-        let what = hidden.map_or_else(|| what.clone(), |query| what.replace(query, "\u{2026}"));
+        let what = what.lines().next().unwrap_or_default().trim_end_matches('.');
+        let what = if repeats(what, address) { "does not answer as expected" } else { what }.to_owned();
         Self { kind, address: shown(address), what }
     }
 
@@ -107,16 +107,27 @@ pub fn is_address(source: &str) -> bool {
     source.split_once("://").is_some_and(|(scheme, _)| scheme.chars().all(|c| c.is_ascii_alphanumeric()))
 }
 
-/// Returns the part of an address for messages: without the query, which may contain a password.
+/// Returns the part of an address for messages: without its query, and without a path like `/user=admin&password=x`.
 fn shown(address: &str) -> String {
     let end = address.find(['?', '#']).unwrap_or(address.len());
     let (shown, cut) = address.split_at(end);
+    let path_at =
+        shown.find("://").and_then(|at| Some(at + 3 + shown[at + 3..].find('/')?)).unwrap_or(shown.len());
     match () {
         // A password with a slash looks like a path.
         () if address.contains('@') => "the address".into(),
+        () if shown[path_at..].contains(['=', '&']) => format!("{}/\u{2026}", &shown[..path_at]),
         () if cut.is_empty() => shown.into(),
         () => format!("{shown}?\u{2026}"),
     }
+}
+
+/// Whether a text contains a part of an address that may be secret: its query, or words of it such as `password=x`.
+fn repeats(text: &str, address: &str) -> bool {
+    let rest = address.split_once("://").map_or(address, |(_, rest)| rest);
+    let parts = rest.split(['/', '?', '#', '&', '_', '@']).skip(1);
+    parts.flat_map(|part| part.split('=').skip(1)).any(|value| value.len() > 2 && text.contains(value))
+        || text.contains("://") && address.contains(['?', '=', '@'])
 }
 
 /// Splits `user:password@` from an address.
@@ -162,6 +173,22 @@ mod tests {
         assert!(without_credentials("https://camera.local/a@b").1.is_none());
         assert_eq!(shown("http://10.0.0.5/snap?password=x"), "http://10.0.0.5/snap?\u{2026}");
         assert_eq!(shown("http://admin:p/ss@10.0.0.5/snap"), "the address");
+        assert_eq!(
+            shown("rtsp://10.0.0.5:554/user=admin_password=x_stream=0.sdp"),
+            "rtsp://10.0.0.5:554/\u{2026}"
+        );
         assert!(is_address("rtsp://10.0.0.5/1") && !is_address("C:/clips/a.mp4") && !is_address("a.mp4"));
+    }
+
+    #[test]
+    fn texts_of_libraries_do_not_repeat_secrets() {
+        let address = "rtsp://10.0.0.5/user=admin_password=tlJwpbo6_stream=0.sdp";
+        for text in ["no rtsp://10.0.0.5/x", "bad tlJwpbo6"] {
+            let shown = SnapshotError::failed(address, text).to_string();
+            assert_eq!(shown, "rtsp://10.0.0.5/\u{2026}: does not answer as expected");
+        }
+        let shown =
+            SnapshotError::failed("http://10.0.0.5/snap.jpg?1", "responded with 401\n\nconn: x").to_string();
+        assert_eq!(shown, "http://10.0.0.5/snap.jpg?\u{2026}: responded with 401");
     }
 }

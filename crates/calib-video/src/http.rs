@@ -1,5 +1,7 @@
 //! Snapshots by HTTP and HTTPS, with Basic or Digest authentication.
 
+use std::time::{Duration, Instant};
+
 use digest_auth::AuthContext;
 use ureq::http::{Response, StatusCode, Uri};
 use ureq::{Agent, Body};
@@ -23,22 +25,17 @@ pub(crate) fn fetch(
     options: &SnapshotOptions,
 ) -> Result<Vec<u8>, SnapshotError> {
     let tls = ureq::tls::TlsConfig::builder().disable_verification(options.accepts_any_certificate).build();
-    let agent: Agent = Agent::config_builder()
-        .http_status_as_error(false)
-        .max_redirects(0)
-        .timeout_global(Some(options.timeout))
-        .tls_config(tls)
-        .build()
-        .into();
-    let first = uri.clone();
+    let agent: Agent =
+        Agent::config_builder().http_status_as_error(false).max_redirects(0).tls_config(tls).build().into();
+    let (first, deadline) = (uri.clone(), Instant::now() + options.timeout);
     for _ in 0..=MAX_REDIRECTS {
         let credentials = credentials.filter(|_| may_get_credentials(&first, &uri));
-        let mut response = get(&agent, &uri, None)?;
+        let mut response = get(&agent, &uri, None, deadline)?;
         if response.status() == StatusCode::UNAUTHORIZED
             && let Some(credentials) = credentials
         {
             let header = authorization(&response, &uri, credentials)?;
-            response = get(&agent, &uri, Some(&header))?;
+            response = get(&agent, &uri, Some(&header), deadline)?;
         }
         let status = response.status();
         match status {
@@ -81,8 +78,15 @@ fn is_stream(response: &Response<Body>) -> bool {
     kind.is_some_and(|kind| kind.to_ascii_lowercase().starts_with("multipart/"))
 }
 
-fn get(agent: &Agent, uri: &Uri, authorization: Option<&str>) -> Result<Response<Body>, SnapshotError> {
-    let mut request = agent.get(uri);
+/// Sends a request, which ends at the deadline.
+fn get(
+    agent: &Agent,
+    uri: &Uri,
+    authorization: Option<&str>,
+    deadline: Instant,
+) -> Result<Response<Body>, SnapshotError> {
+    let left = deadline.saturating_duration_since(Instant::now()).max(Duration::from_millis(1));
+    let mut request = agent.get(uri).config().timeout_global(Some(left)).build();
     if let Some(authorization) = authorization {
         request = request.header("Authorization", authorization);
     }

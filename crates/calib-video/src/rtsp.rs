@@ -1,5 +1,6 @@
 //! Key frames of video streams by RTSP, over TCP.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Duration;
 
 use futures::StreamExt as _;
@@ -21,16 +22,19 @@ pub(crate) fn read(
     timeout: Duration,
 ) -> Result<Snapshot, SnapshotError> {
     let failed = |what: &dyn std::fmt::Display| SnapshotError::failed(address, what);
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-    let runtime = runtime.map_err(|error| failed(&error))?;
-    let frame =
-        runtime.block_on(async { tokio::time::timeout(timeout, key_frame(address, credentials)).await });
-    // The connection is closed at once: cameras end the session then.
-    runtime.shutdown_background();
-    let frame = frame.map_err(|_| {
+    let contradiction = || failed(&"sends a video whose data contradict each other");
+    let frame = catch_unwind(AssertUnwindSafe(|| {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+        let runtime = runtime.map_err(|error| failed(&error))?;
+        let steps = async { tokio::time::timeout(timeout, key_frame(address, credentials)).await };
+        let frame = runtime.block_on(steps);
+        // The connection is closed at once: cameras end the session then.
+        runtime.shutdown_background();
         let seconds = timeout.as_secs();
-        failed(&format!("sent no complete image within {seconds} s; check the address, or allow more time"))
-    })??;
+        let late = |_| failed(&format!("sent no complete image within {seconds} s; check the address"));
+        frame.map_err(late)?
+    }));
+    let frame = frame.unwrap_or_else(|_| Err(contradiction()))?;
     let image = frame.decode().map_err(|error| failed(&format!("its video {error}")))?;
     Ok(Snapshot { image, jpeg: None, pixel_aspect: frame.pixel_aspect })
 }
@@ -58,14 +62,26 @@ impl KeyFrame {
     }
 }
 
+/// Number of damaged packets after which the stream is not read further.
+const MAX_DAMAGED_PACKETS: usize = 1000;
+
+/// Returns the error of a camera's answer, or of the connection.
+fn error_of(address: &str, has_credentials: bool, error: &retina::Error) -> SnapshotError {
+    let what = match error.status_code() {
+        Some(401) if !has_credentials => return SnapshotError::without_credentials(address),
+        Some(401) => "rejected the user name or password, or asks for them in an unknown way".into(),
+        Some(403) => "does not allow access (403)".into(),
+        Some(404) => "has no stream of this name (404)".into(),
+        Some(code @ (454 | 461)) => format!("does not send its video over TCP ({code})"),
+        Some(code) => format!("responded with the error {code}"),
+        None => error.to_string(),
+    };
+    SnapshotError::failed(address, what)
+}
+
 /// Opens a session, and waits for the next key frame of its first video.
 async fn key_frame(address: &str, credentials: Option<&Credentials>) -> Result<KeyFrame, SnapshotError> {
-    let failed = |error: retina::Error| match error.status_code() {
-        Some(401) if credentials.is_none() => SnapshotError::without_credentials(address),
-        Some(401 | 403) => SnapshotError::failed(address, "rejected the user name or password"),
-        Some(404) => SnapshotError::failed(address, "has no stream of this name (404)"),
-        _ => SnapshotError::failed(address, error),
-    };
+    let failed = |error: retina::Error| error_of(address, credentials.is_some(), &error);
     let url = Url::parse(address).map_err(|error| SnapshotError::invalid(address, error))?;
     let creds = credentials.map(|Credentials { user, password }| retina::client::Credentials {
         username: user.clone(),
@@ -97,6 +113,7 @@ async fn key_frame(address: &str, credentials: Option<&Credentials>) -> Result<K
     session.setup(index, setup).await.map_err(failed)?;
     let session = session.play(PlayOptions::default()).await.map_err(failed)?;
     let mut frames = session.demuxed().map_err(failed)?;
+    let mut damaged = 0;
     loop {
         match frames.next().await {
             Some(Ok(CodecItem::VideoFrame(frame))) if frame.is_random_access_point() => {
@@ -109,6 +126,8 @@ async fn key_frame(address: &str, credentials: Option<&Credentials>) -> Result<K
                 return Ok(KeyFrame { codec, data: frame.into_data(), pixel_aspect });
             }
             Some(Ok(_)) => {}
+            // The first packets may belong to a frame whose beginning was not received.
+            Some(Err(_)) if damaged < MAX_DAMAGED_PACKETS => damaged += 1,
             Some(Err(error)) => return Err(failed(error)),
             None => {
                 return Err(SnapshotError::failed(address, "ended the stream before an image was complete"));
