@@ -364,15 +364,22 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
         }
         minimap::minimap_ui(app, ui, camera, &mapping, size);
     }
-    let crosshair =
-        Crosshair::with(ui.ctx(), |crosshair| crosshair.at.filter(|_| crosshair.canvas == Some(rect)));
-    if let Some((held, at)) = app.editor.tool().dragged_point()
-        && held == pane
-        && app.view.panes.cursor.is_some_and(|(over, _)| over == pane)
-    {
-        loupe::loupe_ui(app, ui, camera, &mapping, at);
-    } else if let Some(at) = crosshair {
-        loupe::loupe_ui(app, ui, camera, &mapping, mapping.document(at));
+    enlarge(app, ui, camera, &mapping);
+}
+
+/// Shows the loupe at a dragged point, or at the crosshair.
+fn enlarge(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping) {
+    let pane = Pane::Image(camera);
+    let is_own = |crosshair: &Crosshair| crosshair.canvas == Some(mapping.rect);
+    let crosshair = Crosshair::with(ui.ctx(), |crosshair| crosshair.at.filter(|_| is_own(crosshair)));
+    let dragged = app
+        .editor
+        .tool()
+        .dragged_point()
+        .filter(|(held, _)| *held == pane && app.view.panes.cursor.is_some_and(|(over, _)| over == pane));
+    let at = dragged.map(|(_, at)| at).or(crosshair.map(|at| mapping.document(at)));
+    if let Some(at) = at {
+        loupe::loupe_ui(app, ui, camera, mapping, at);
     }
 }
 

@@ -58,7 +58,9 @@ pub fn window_ui(app: &mut App, ui: &mut Ui) {
         .exact_size(28.0)
         .frame(bar(palette.panel))
         .show(ui, |ui| status::status_ui(app, ui));
-    tour::tour_ui(app, ui);
+    if app.tour.step.is_some() {
+        tour::tour_ui(app, ui);
+    }
     let has_site = !app.editor.session().site.cameras.is_empty() || app.editor.session().site.plan.is_some();
     if has_site {
         let phone = ui.ctx().content_rect().width() < PHONE;

@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
 /// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
-const REST: [&str; 132] = [
+const REST: [&str; 139] = [
     // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
@@ -53,10 +53,16 @@ const REST: [&str; 132] = [
     "calib_app::compare::panel::numbers",
     "calib_app::compare::panel::since",
     "calib_app::export",
+    "calib_app::detail",
+    "calib_app::files::address",
+    "calib_app::state::address",
     "calib_app::files::answers",
     "calib_app::files::open",
     "calib_app::files::video",
     "calib_app::annotate::annotations::usual_size_menu",
+    "calib_app::annotate::known_values::data_sheet",
+    "calib_app::annotate::known_values::pixel_aspect",
+    "calib_app::annotate::known_values::principal_point",
     "calib_app::annotate::links",
     "calib_app::annotate::measurements",
     "calib_app::annotate::result::scale_menu",
@@ -80,6 +86,7 @@ const REST: [&str; 132] = [
     "calib_app::state::automatic",
     "calib_app::state::video",
     "calib_app::shell::palette",
+    "calib_app::shell::tour",
     "calib_editor::apply::places",
     "calib_editor::apply::proposing",
     "calib_editor::proposed",
