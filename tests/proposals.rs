@@ -362,6 +362,48 @@ fn solution_has_the_standard_deviation_of_the_confidence() {
 }
 
 #[test]
+fn a_known_roll_finds_cameras_upside_down_and_on_their_side() {
+    let demo = calib_demo::demo_site();
+    let (entry, (_, truth)) = (&demo.site.cameras[0], &demo.truth[0]);
+    let image = calib_demo::render(truth, entry.size_px);
+    let upright = proposal_of(&image);
+    let expected = upright.solution.as_ref().unwrap();
+    assert_ne!(upright.confidence, Confidence::None, "{:?}", upright.reasons);
+    // An image that is rotated clockwise by 90 degrees has the nadir at its left side, and so the roll -90 degrees.
+    let turned = [
+        (-90.0, image::imageops::rotate90(&image)),
+        (180.0, image::imageops::rotate180(&image)),
+        (90.0, image::imageops::rotate270(&image)),
+    ];
+    for (roll, image) in turned {
+        let still = EdgeImage {
+            roll_deg: Some(Known::prior(roll, 5.0)),
+            ..EdgeImage::new(line_segments(&image), image.dimensions().into())
+        };
+        let found = AutomaticCalibration::new(&still);
+        assert_eq!(found.confidence, upright.confidence, "{roll}: {:?}", found.reasons);
+        let solution = found.solution.as_ref().unwrap();
+        let off = [
+            (solution.focal_px / expected.focal_px).ln(),
+            (solution.pitch_deg.unwrap() - expected.pitch_deg.unwrap()).to_radians(),
+            ((solution.roll_deg.unwrap() - expected.roll_deg.unwrap() - roll + 180.0).rem_euclid(360.0)
+                - 180.0)
+                .to_radians(),
+        ];
+        // The detector finds slightly different edges in a rotated image.
+        assert!(off.iter().all(|off| off.abs() < 0.01), "{roll}: {off:?}");
+        let camera = found.camera.as_ref().unwrap();
+        assert_eq!(camera.size_px, [image.width(), image.height()]);
+        let inside = |at: &Pixel| {
+            (-1.0..=f64::from(image.width()) + 1.0).contains(&at.u)
+                && (-1.0..=f64::from(image.height()) + 1.0).contains(&at.v)
+        };
+        let drawn = camera.annotations.iter().flat_map(|drawn| drawn.segments.iter().flatten().flatten());
+        assert!(drawn.clone().count() > 10 && drawn.clone().all(inside));
+    }
+}
+
+#[test]
 fn round_image_needs_a_known_lens() {
     let demo = calib_demo::demo_site();
     let (id, camera) = demo.truth.last().unwrap();

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
+use calib_core::single::Known;
 use calib_core::{Annotation, ImageCircle};
 use calib_image::{
     AutomaticCalibration, Bars, Confidence, EdgeImage, Group, ImageEdges, SitePlacement, image_circle,
@@ -71,6 +72,9 @@ pub(crate) struct Args {
     /// Pixel aspect of the images: width over height of a pixel
     #[arg(long, value_name = "RATIO")]
     pixel_aspect: Option<f64>,
+    /// Roll of the cameras, in degrees: 180 if they hang upside down, 90 or -90 if they hang on their side
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
+    roll: Option<f64>,
     /// Output format of the report
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
@@ -81,11 +85,15 @@ pub(crate) struct Args {
     threads: ThreadsArgs,
 }
 
+/// Standard deviation of a roll that is stated for all images, in degrees.
+const ROLL_SIGMA_DEG: f64 = 5.0;
+
 impl Args {
     /// Returns the known values of the lens for images of this size, in pixels.
     fn known_lens(&self, size: [u32; 2]) -> Result<LensEntry, CommandError> {
         let mut lens = LensEntry {
             pixel_aspect: self.pixel_aspect.map(PixelAspectEntry::Known),
+            roll_deg: self.roll.map(|roll| Known::prior(roll, ROLL_SIGMA_DEG)),
             ..LensEntry::default()
         };
         let sheet = self.data_sheet.as_deref().map(|text| DataSheet::parse(text, size)).transpose();
@@ -95,7 +103,7 @@ impl Args {
         let camera = SiteCamera { lens: Some(lens.clone()), ..SiteCamera::new("camera", size) };
         let site = Site { cameras: vec![camera], ..Site::new() };
         site.check()
-            .map_err(|error| CommandError::Usage(format!("--data-sheet, --pixel-aspect: {error}")))?;
+            .map_err(|error| CommandError::Usage(format!("--data-sheet, --pixel-aspect, --roll: {error}")))?;
         Ok(lens)
     }
 }
@@ -168,8 +176,9 @@ fn calibrate_image(path: PathBuf, args: &Args) -> Result<ImageCalibration, Comma
     let image_circle = image_circle(&image);
     let ImageEdges { segments, bars } = ImageEdges::measure(&image);
     let known = args.known_lens(size)?;
-    let still = EdgeImage::new(segments, size).with_bars(bars);
-    let proposal = AutomaticCalibration::new(&EdgeImage { image_circle, known: known.clone(), ..still });
+    let still = EdgeImage { roll_deg: known.roll_deg, ..EdgeImage::new(segments, size).with_bars(bars) };
+    let lens = LensEntry { roll_deg: None, ..known.clone() };
+    let proposal = AutomaticCalibration::new(&EdgeImage { image_circle, known: lens, ..still });
     let is_accepted = args.accept.accepts(&proposal);
     Ok(ImageCalibration { path, size, known, image_circle, bars, calibration: proposal, is_accepted })
 }
@@ -201,6 +210,9 @@ fn camera(result: &ImageCalibration, id: String, output: &str) -> SiteCamera {
         camera
             .annotations
             .extend(result.calibration.curved_edges.iter().cloned().map(Annotation::from_points));
+    }
+    if result.known.roll_deg.is_some() {
+        camera.lens.get_or_insert_default().roll_deg = result.known.roll_deg;
     }
     if result.image_circle.is_some() {
         let lens = camera.lens.get_or_insert_default();
@@ -353,8 +365,8 @@ fn check_all_accepted(site: &Site, results: &[ImageCalibration]) -> Result<(), C
         return Ok(());
     }
     Err(CommandError::Unsolved(format!(
-        "no accepted calibration for {} of {}: {}. Draw the lines by hand, or review the results with \
-         --accept all",
+        "no accepted calibration for {} of {}: {}. Draw the lines by hand, or write all results to the site with \
+         --accept all, and check each camera",
         unaccepted.len(),
         calib_site::counted(results.len(), "image", "images"),
         shortened_list(unaccepted.iter().copied())

@@ -10,12 +10,11 @@
 //! 5. The strokes get the standard deviation with which their solution has this standard deviation of the focal
 //!    length. Every later solve then includes the uncertainty of the automatic choice of edges.
 
-use std::fmt;
-
 use calib_core::single::{Known, PrincipalPointPrior};
 use calib_core::{Code, ImageCircle, Kind, Lens, Orientation, Pixel};
 use calib_site::{LensEntry, PrincipalPointEntry, SiteCamera, Solution, usual_pixel_aspect};
 
+use super::confidence::{Confidence, Reason};
 use super::curvature::LensEstimate;
 use super::curved_edge::curved_edges;
 use super::edge_class::classify_edges;
@@ -23,152 +22,11 @@ use super::frame::{level, with_nadir};
 use super::join;
 use super::join::Line;
 use super::mixture::{CameraPrior, Mixture};
+use super::quarter_turn::QuarterTurn;
 use super::search::{Hypothesis, hypotheses};
 use super::strokes::{Group, entry, groups, select_strokes, solve_entry, stroke};
 use crate::bars::{Bars, ImageEdges};
 use crate::line_segment::LineSegment;
-
-/// Confidence of an automatic calibration.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
-pub enum Confidence {
-    /// Usable without review.
-    Sure,
-    /// Likely, but needs review.
-    Check,
-    /// Not usable.
-    None,
-}
-
-impl Confidence {
-    /// Returns the name of the confidence in files.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Sure => "sure",
-            Self::Check => "check",
-            Self::None => "none",
-        }
-    }
-}
-
-/// Reason for a reduced confidence.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub enum Reason {
-    /// Too few straight edges to find directions.
-    FewEdges {
-        /// Number of edges found.
-        found: usize,
-    },
-    /// Round image with an unknown lens: a fisheye has more distortion than the grouping can estimate.
-    RoundImage,
-    /// No vanishing points beyond chance.
-    NoDirections,
-    /// No vertical edges.
-    NoVerticals,
-    /// Only one floor direction, which does not determine the focal length.
-    OneDirection {
-        /// Relative standard deviation of the focal length.
-        sigma: f64,
-    },
-    /// Directions that do not determine the focal length.
-    FocalUncertain {
-        /// Relative standard deviation of the focal length.
-        sigma: f64,
-    },
-    /// Another camera that explains the edges nearly as well.
-    TwoHypotheses {
-        /// Focal lengths in pixels: of the solution, then of the other camera.
-        focals: [f64; 2],
-    },
-    /// Roll or focal length unusual for installed cameras.
-    Unusual {
-        /// Focal length, in pixels.
-        focal: f64,
-    },
-    /// Image size with which recorders code pixels that are not square, without a known pixel aspect.
-    PixelsNotSquare {
-        /// Usual pixel aspect of images of this size.
-        aspect: f64,
-    },
-    /// Black bars that are wider at one side, so that the principal point is not near the image centre.
-    Bars {
-        /// Bars of the image.
-        bars: Bars,
-    },
-    /// Camera that may hang upside down: it looks up.
-    MayBeUpsideDown {
-        /// Pitch, in degrees.
-        pitch_deg: f64,
-    },
-    /// Camera that may lie on its side: it looks straight ahead, and a floor direction could be the vertical.
-    MayLieOnItsSide,
-    /// Known focal length that contradicts the edges.
-    FocalConflict,
-    /// Contradictory edges: residuals larger than their noise.
-    Misfit {
-        /// Sum of squared residuals for each degree of freedom.
-        chi2_per_dof: f64,
-    },
-}
-
-/// Messages for the operator.
-impl fmt::Display for Reason {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::FewEdges { found } => {
-                write!(f, "only {found} straight edges were found; draw more lines by hand")
-            }
-            Self::RoundImage => f.write_str(
-                "the image is round (fisheye), and its lens is unknown; draw long straight edges by hand, then propose again",
-            ),
-            Self::NoDirections => {
-                f.write_str("the edges have no common directions; draw verticals and floor lines by hand")
-            }
-            Self::NoVerticals => f.write_str("no vertical edges were found; draw verticals by hand"),
-            Self::OneDirection { sigma } => write!(
-                f,
-                "the edges have only one floor direction, and the focal length is uncertain (\u{b1} {:.0} %); draw floor lines in another direction",
-                100.0 * sigma
-            ),
-            Self::FocalUncertain { sigma } => write!(
-                f,
-                "the focal length is uncertain (\u{b1} {:.0} %); draw floor lines that run away from the camera",
-                100.0 * sigma
-            ),
-            Self::TwoHypotheses { focals: [one, other] } => write!(
-                f,
-                "focal lengths of {one:.0} px and {other:.0} px fit the edges equally well; check which lines belong together"
-            ),
-            Self::Unusual { focal } => write!(
-                f,
-                "the roll, or the focal length of {focal:.0} px, is unusual; check that the verticals are vertical"
-            ),
-            Self::PixelsNotSquare { aspect } => write!(
-                f,
-                "images of this size usually have pixels that are not square (aspect {aspect:.3}); enter lens.pixel_aspect, then propose again"
-            ),
-            Self::Bars { bars } => write!(
-                f,
-                "the image has black bars ({bars}), so the principal point is not near the image centre; use an image without bars"
-            ),
-            Self::MayBeUpsideDown { pitch_deg } => write!(
-                f,
-                "the camera looks up by {:.0}\u{b0}, or it hangs upside down; check that the floor is at the bottom of the image",
-                -pitch_deg
-            ),
-            Self::MayLieOnItsSide => f.write_str(
-                "the camera looks straight ahead, or it lies on its side; check that the floor is at the bottom of the image",
-            ),
-            Self::FocalConflict => f.write_str(
-                "the entered focal length or data sheet contradicts the edges; check the values and the verticals",
-            ),
-            Self::Misfit { chi2_per_dof } => write!(
-                f,
-                "the lines contradict each other (chi-square {chi2_per_dof:.1} per degree of freedom); remove the wrong ones"
-            ),
-        }
-    }
-}
 
 /// Largest number of edges used, the longest first.
 const MAX_LINES: usize = 400;
@@ -210,6 +68,8 @@ pub struct EdgeImage {
     pub known: LensEntry,
     /// Black bars at the sides of the image.
     pub bars: Bars,
+    /// Roll, in degrees, if known. It decides between an upright camera and one that hangs upside down or on its side.
+    pub roll_deg: Option<Known>,
     /// Lens, if known; otherwise the distortion is estimated from the measured rises of the edges.
     pub lens: Option<Lens>,
     /// Image circle of a round image, in raw pixels; `None` if the scene fills the image.
@@ -281,9 +141,42 @@ impl Grouping {
 }
 
 impl AutomaticCalibration {
-    /// Calibrates an image from its edges.
+    /// Calibrates an image from its edges. With a known roll, the camera is searched near this roll, otherwise near the
+    /// upright one.
     #[must_use]
     pub fn new(image: &EdgeImage) -> Self {
+        match image.upright() {
+            Some((turn, upright)) => Self::of_upright(&upright).turned_back(turn, image),
+            None => Self::of_upright(image),
+        }
+    }
+
+    /// Converts the result for an upright image to the image of the camera.
+    fn turned_back(mut self, turn: QuarterTurn, image: &EdgeImage) -> Self {
+        let back = turn.inverse();
+        back.groups(&mut self.groups);
+        back.polylines(&mut self.curved_edges);
+        if let Some(other) = &mut self.alternative {
+            back.groups(&mut other.groups);
+            other.orientation.roll += turn.angle();
+        }
+        let Some(upright) = self.camera.take() else { return self };
+        let mut camera = SiteCamera {
+            annotations: self.groups.iter().map(|group| group.annotation.clone()).collect(),
+            ..SiteCamera::new(upright.id, image.size)
+        };
+        let distortion = upright.lens.and_then(|lens| lens.distortion);
+        camera.lens = Some(LensEntry { distortion, roll_deg: image.roll_deg, ..image.known_lens() });
+        self.solution = self.solution.and_then(|_| solve_entry(&camera));
+        if self.solution.is_none() {
+            self.confidence = Confidence::None;
+        }
+        self.camera = Some(camera);
+        self
+    }
+
+    /// Calibrates an image of an upright camera.
+    fn of_upright(image: &EdgeImage) -> Self {
         if image.segments.len() < MIN_LINES {
             return Self::none(vec![Reason::FewEdges { found: image.segments.len() }]);
         }
@@ -314,7 +207,7 @@ impl AutomaticCalibration {
         let lens = image.lens.unwrap_or_else(|| image.pinhole());
         let Some(Known { value, sigma, .. }) = image.known_focal(&lens) else { return self };
         let known = image.known.without_known_focal();
-        let alone = Self::new(&EdgeImage { known, ..image.clone() });
+        let alone = Self::of_upright(&EdgeImage { known, ..image.clone() });
         let Some((solution, alone_sigma)) = alone.solution.zip(alone.focal_sigma_rel) else { return self };
         let deviation =
             (value / solution.focal_px).ln().abs() / alone_sigma.hypot(sigma.unwrap_or(0.0) / value);
@@ -359,7 +252,8 @@ impl AutomaticCalibration {
             proposal.camera = Some(camera);
             return proposal;
         }
-        proposal.reasons.extend(image.doubts().into_iter().chain(doubtful_mount(best)));
+        let mount = doubtful_mount(best).filter(|_| image.roll_deg.is_none());
+        proposal.reasons.extend(image.doubts().into_iter().chain(mount));
         let scatter = Scatter::new(best, &grouping.others());
         let known = image.known_focal(&grouping.lens);
         let sigmas = FocalSigmas::new(&camera, &solution, scatter.sigma.hypot(grouping.lens_sigma), known);
@@ -491,7 +385,15 @@ impl EdgeImage {
     /// Creates the input from the edges and the width and height of an image, in pixels; the lens is unknown.
     #[must_use]
     pub fn new(segments: Vec<LineSegment>, size: [u32; 2]) -> Self {
-        Self { segments, size, known: LensEntry::default(), bars: Bars::NONE, lens: None, image_circle: None }
+        Self {
+            segments,
+            size,
+            known: LensEntry::default(),
+            bars: Bars::NONE,
+            roll_deg: None,
+            lens: None,
+            image_circle: None,
+        }
     }
 
     /// Adds the bars of the image: edges of a bar are not used, and the principal point is near the centre of
@@ -511,10 +413,51 @@ impl EdgeImage {
         let is_known = given.is_some_and(|distortion| distortion.distortion().is_some());
         Self {
             known: camera.known_lens(),
+            roll_deg: camera.lens.as_ref().and_then(|lens| lens.roll_deg),
             lens: is_known.then(|| camera.lens()),
             image_circle: camera.image_circle(),
             ..Self::new(edges.segments, camera.size_px).with_bars(edges.bars)
         }
+    }
+
+    /// Returns the image rotated by quarter turns so that the camera is upright, with the rotation. `None` if the roll is
+    /// near 0 or unknown, or if the lens cannot be rotated: without square pixels or with terms that are not symmetric
+    /// about the axis.
+    fn upright(&self) -> Option<(QuarterTurn, Self)> {
+        let turn = QuarterTurn::of_roll(self.roll_deg?.value, self.size);
+        // Round images without a lens are refused.
+        if turn.is_none() || self.image_circle.is_some() && self.lens.is_none() {
+            return None;
+        }
+        let lens = match &self.lens {
+            Some(lens) => Some(turn.lens(lens)?),
+            None => None,
+        };
+        let is_square = self.known.pixel_aspect.is_none();
+        if turn.is_on_side() && !is_square {
+            return None;
+        }
+        // The fields of view of a data sheet belong to the sides of the image, so the focal length in pixels is used.
+        let under = self.lens.unwrap_or_else(|| self.pinhole());
+        let known = LensEntry {
+            focal_px: self.known_focal(&under),
+            principal_point_px: self.known_centre().map(|entry| turn.principal_point(entry)),
+            pixel_aspect: self.known.pixel_aspect,
+            ..LensEntry::default()
+        };
+        let upright = Self {
+            segments: self.segments.iter().map(|segment| turn.segment(segment)).collect(),
+            size: turn.turned_size(),
+            known,
+            bars: turn.bars(self.bars),
+            roll_deg: self
+                .roll_deg
+                .map(|roll| Known { value: roll.value - turn.angle().to_degrees(), ..roll }),
+            lens,
+            // The centre of the circle is the principal point above.
+            image_circle: None,
+        };
+        Some((turn, upright))
     }
 
     /// Returns the reason to doubt that the pixels are square, if their aspect is unknown.
@@ -529,7 +472,8 @@ impl EdgeImage {
         self.known.principal_point_px.or_else(of_circle)
     }
 
-    /// Returns the principal point for the site file; `None` near the image centre.
+    /// Returns the principal point for the site file: the entered one, otherwise the centre of the
+    /// image circle, otherwise the centre between unequal bars. `None` if there is none of these.
     fn principal_point_entry(&self) -> Option<PrincipalPointEntry> {
         let [w, h] = self.bars.picture_size(self.size).map(f64::from);
         let off_centre = PrincipalPointEntry {

@@ -28,7 +28,8 @@ use crate::line_segment::LineSegment;
 const PRIOR_SIGMAS: [f64; 2] = [0.2, 0.1];
 /// Values of k1 at which the search starts.
 const STARTS: [f64; 7] = [0.0, -0.08, -0.16, -0.26, -0.4, -0.6, 0.1];
-/// Standard deviation of the error of a rise that is common to all samples of an edge, in pixels.
+/// Standard deviation of the systematic error of a measured rise (sagitta), common to all samples of an
+/// edge, in pixels.
 const SYSTEMATIC_SIGMA_PX: f64 = 0.08;
 /// Share of edges that are curved in the scene.
 const CURVED_FRACTION: f64 = 0.15;

@@ -12,6 +12,8 @@
 //! - `edge_class`: classification of edges as on the floor or above it;
 //! - `strokes`: the most informative edges as annotations, and their solution;
 //! - `curved_edge`: edges curved by distortion, for fitting the lens;
+//! - `quarter_turn`: rotation of the edges for cameras upside down or on their side;
+//! - `confidence`: the confidence, and the reasons that reduce it;
 //! - `calibration`: the entry point, [`AutomaticCalibration::new`], and the confidence.
 
 mod frame;
@@ -22,9 +24,12 @@ mod curvature;
 mod edge_class;
 mod strokes;
 mod curved_edge;
+mod quarter_turn;
+mod confidence;
 mod calibration;
 
-pub use calibration::{Alternative, AutomaticCalibration, Confidence, EdgeImage, Reason};
+pub use calibration::{Alternative, AutomaticCalibration, EdgeImage};
+pub use confidence::{Confidence, Reason};
 pub use edge_class::EdgeClass;
 pub use join::join_edges;
 pub use strokes::Group;

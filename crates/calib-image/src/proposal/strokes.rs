@@ -30,7 +30,7 @@ pub(super) struct Stroke {
     pub(super) line: usize,
     /// Direction: 0 for the vertical, then the floor directions.
     pub(super) direction: usize,
-    /// Probability that the edge belongs to the direction.
+    /// Probability that this edge has the direction in space of `direction`.
     pub(super) probability: f64,
 }
 
