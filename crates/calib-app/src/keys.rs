@@ -115,6 +115,34 @@ pub(crate) fn shown<'a>(ctx: &Context, text: &'a str) -> &'a str {
     }
 }
 
+/// Returns a text for this device: with Cmd instead of Ctrl on a Mac, and without keys in parentheses if key hints are
+/// hidden.
+#[must_use]
+pub(crate) fn sentence(ctx: &Context, text: &str) -> String {
+    use egui::os::OperatingSystem::{IOS, Mac};
+    let text = if are_shown(ctx) { text.to_owned() } else { without_keys(text) };
+    if matches!(ctx.os(), Mac | IOS) { text.replace("Ctrl+", "Cmd+") } else { text }
+}
+
+/// Returns a text without keys in parentheses, such as "(K)", "(F9)" or "(Ctrl+Z)".
+fn without_keys(text: &str) -> String {
+    let mut kept = String::new();
+    let mut rest = text;
+    while let Some((before, (inside, after))) =
+        rest.split_once(" (").and_then(|(before, after)| Some((before, after.split_once(')')?)))
+    {
+        kept.push_str(before);
+        let is_function = inside.strip_prefix('F').is_some_and(|number| number.parse::<u8>().is_ok());
+        let is_key =
+            inside.chars().count() == 1 || is_function || inside.contains('+') && !inside.contains(' ');
+        if !is_key {
+            kept.push_str(&format!(" ({inside})"));
+        }
+        rest = after;
+    }
+    kept + rest
+}
+
 /// Second shortcut for redo, as in other programs.
 const OTHER_REDO: KeyboardShortcut = KeyboardShortcut::new(egui::Modifiers::COMMAND, egui::Key::Y);
 
@@ -139,6 +167,18 @@ fn is_pressed(keys: KeyboardShortcut, key: egui::Key, modifiers: egui::Modifiers
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn keys_in_parentheses_are_left_out() {
+        for (text, expected) in [
+            ("Undo it (Ctrl+Z), and draw it again.", "Undo it, and draw it again."),
+            ("Link them (K), then refine (F9).", "Link them, then refine."),
+            ("Lines (two or more) are needed.", "Lines (two or more) are needed."),
+            ("Without an end (K", "Without an end (K"),
+        ] {
+            assert_eq!(without_keys(text), expected);
+        }
+    }
 
     #[test]
     fn the_window_knows_every_key() {

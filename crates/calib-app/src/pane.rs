@@ -6,7 +6,7 @@ use calib_core::{Distortion, Pixel};
 
 use calib_core::floor::annotated_line_curve;
 use calib_editor::command::Gesture;
-use calib_editor::{Action, NewerUnderPointer, Pane, Phase, Pointer, hit, snap};
+use calib_editor::{Action, NewerUnderPointer, Pane, Phase, Pointer, hit, is_plan_empty_at, snap};
 use egui::{CursorIcon, Event, Modifiers, Painter, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::annotate::image;
@@ -198,13 +198,15 @@ fn handle_release(
     app.view.panes.captured = None;
 }
 
-/// Whether a press pans the image: a finger on an empty part of it, with the selection tool.
+/// Whether a press pans the canvas: a finger on an empty part of it, with the selection tool.
 fn is_finger_pan(app: &App, ui: &Ui, key: (Place, Pane), mapping: &Mapping, at: Pos2) -> bool {
-    let Pane::Image(camera) = key.1 else { return false };
     if app.editor.tool_row() != 0 || !ui.input(egui::InputState::any_touches) {
         return false;
     }
     let session = app.editor.session();
+    let Pane::Image(camera) = key.1 else {
+        return is_plan_empty_at(session, mapping.document(at), mapping.units(theme::TOUCH_HIT));
+    };
     let (at, radius) = (Pixel::from(mapping.document(at)), mapping.units(theme::TOUCH_HIT));
     let pose = session.solved.pose(camera);
     let is_proposed = camera == session.camera && session.proposed().is_some();

@@ -432,7 +432,8 @@ impl Pictures {
 /// Character between the name of a drawing and the shown part in the key of a picture.
 const PART_MARK: char = '\n';
 
-/// Returns the key of the picture of a plan: its name, and the shown part of a drawing.
+/// Returns the cache key of the image of a plan: its file name and, for a drawing, the shown page and
+/// layers. `None` if the plan has no image.
 #[must_use]
 pub fn picture_key(plan: &Plan) -> Option<String> {
     let name = plan.image.as_ref()?;

@@ -242,6 +242,21 @@ fn one_finger_pans_an_empty_image_with_the_selection_tool() {
     assert!(desk.app().editor.tool().is_idle());
 }
 
+#[test]
+fn one_finger_pans_an_empty_plan() {
+    let mut desk = Desk::new(demo());
+    desk.key(Key::Num2);
+    desk.take("Select");
+    let key = (Place::Main, Pane::Plan);
+    let (site, before) = (desk.site().clone(), desk.app().view.panes.views[&key].centre);
+    // A corner of the window is outside all fields of view.
+    let from = desk.app().view.panes.rects[&key].left_bottom() + Vec2::new(30.0, -90.0);
+    touch(&mut desk, &[from, from + Vec2::new(30.0, -10.0), from + Vec2::new(60.0, -20.0)], 2);
+    let after = desk.app().view.panes.views[&key].centre;
+    assert!((before[0] - after[0]).abs() > 0.1, "{before:?} to {after:?}");
+    assert!(*desk.site() == site);
+}
+
 /// Moves the crosshair to a screen point with the arrow keys, and presses Enter.
 fn point_by_keys(desk: &mut Desk, target: Pos2) {
     const COARSE: f32 = 24.0;

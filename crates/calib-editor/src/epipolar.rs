@@ -66,6 +66,24 @@ impl SearchLine {
     }
 }
 
+impl SearchLine {
+    /// Whether a camera with an image of this size, in pixels, shows a part of the line.
+    fn is_visible(&self, camera: &Camera, size: [f64; 2]) -> bool {
+        /// Number of points at which every piece of the line is tested.
+        const POINTS: u32 = 200;
+        let is_inside = |at: WorldPoint| {
+            let pixel = camera.world_to_pixel(at);
+            pixel.is_some_and(|p| (0.0..=size[0]).contains(&p.u) && (0.0..=size[1]).contains(&p.v))
+        };
+        let pieces = self.path.windows(2).filter_map(|ends| <[WorldPoint; 2]>::try_from(ends).ok());
+        let mut points = pieces.flat_map(|[a, b]| {
+            let on = move |a: f64, b: f64, k: u32| a + f64::from(k) / f64::from(POINTS) * (b - a);
+            (0..=POINTS).map(move |k| WorldPoint::new(on(a.x, b.x, k), on(a.y, b.y, k), on(a.z, b.z, k)))
+        });
+        points.any(is_inside)
+    }
+}
+
 /// Returns the search line of a link for other views, from its observation in one camera. `None` if this camera is
 /// not placed on the floor, or if the observed pixels are above the horizon.
 #[must_use]
@@ -93,9 +111,15 @@ pub fn missing_search_line(session: &Session, link: &Link, camera: usize) -> Opt
             (None, None) => Some(format!("{id} is not calibrated")),
         }
     });
-    let is_traced = link.seen.iter().any(|seen| search_line(session, link, seen).is_some());
-    let above = || (!is_traced).then(|| format!("it is above the horizon of {}", first.camera));
-    let reason = reason.or_else(above)?;
+    let lines: Vec<SearchLine> =
+        link.seen.iter().filter_map(|seen| search_line(session, link, seen)).collect();
+    let above = || lines.is_empty().then(|| format!("the click is above the horizon of {}", first.camera));
+    let outside = || {
+        let pose = session.solved.placed_pose(camera)?;
+        let is_visible = lines.iter().any(|line| line.is_visible(pose, entry.size()));
+        (!is_visible).then(|| format!("the line is outside the image of {}", entry.id))
+    };
+    let reason = reason.or_else(above).or_else(outside)?;
     Some(format!("No yellow line for {}: {reason}.", link.id.as_deref().unwrap_or("the link")))
 }
 
@@ -155,6 +179,9 @@ mod tests {
         let seen = LinkObservation { px: Some(px(0.0)), ..LinkObservation::new("a") };
         let trace = SearchLine::from_link(&cameras[0], &link(LinkKind::Point), &Plane::FLOOR, &seen).unwrap();
         assert!(trace.at.unwrap().distance(at.at_height(0.0)) < 1e-6);
+        assert!(trace.is_visible(&cameras[1], [1920.0, 1080.0]));
+        let away = Camera { position: WorldPoint::new(500.0, 500.0, 3.0), ..cameras[1] };
+        assert!(!trace.is_visible(&away, [1920.0, 1080.0]));
 
         let seen = LinkObservation { foot: Some(px(0.0)), head: Some(px(1.3)), ..LinkObservation::new("a") };
         let trace = SearchLine::from_link(&cameras[0], &link(LinkKind::Post), &Plane::FLOOR, &seen).unwrap();

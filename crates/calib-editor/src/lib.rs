@@ -86,5 +86,6 @@ pub use solved::Solved;
 pub use status::{CameraStatus, StatusLevel, camera_status, summary};
 pub use steps::site_subject;
 pub use tools::{
-    Icon, Pane, Phase, PlanHandle, Pointer, TOOLS, Tool, ToolRow, is_inside, plan_handles, plan_scale,
+    Icon, Pane, Phase, PlanHandle, Pointer, TOOLS, Tool, ToolRow, is_inside, is_plan_empty_at, plan_handles,
+    plan_scale,
 };

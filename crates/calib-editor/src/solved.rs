@@ -71,7 +71,8 @@ fn shape_inputs(mark: &Mark) -> (MarkKind, f64, &[f64], &[MarkObservation]) {
     (mark.kind, mark.at_m.z, &mark.size_m, &mark.seen)
 }
 
-/// Returns, for each camera, whether the site has reference coordinates for it.
+/// Returns, for each camera of `family`, whether the site has coordinates that do not depend on it: a
+/// plan, a georeference, a fixed mark, or another camera with a position.
 fn measured<'a>(site: &'a Site, family: &'a [usize]) -> impl Iterator<Item = bool> + 'a {
     family.iter().map(|&index| site.has_reference_coordinates(&site.cameras[index]))
 }

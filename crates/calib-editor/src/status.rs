@@ -102,7 +102,7 @@ fn first_sentence(session: &Session, camera: usize, warning: &Warning) -> String
     message.split_once(". ").map_or(message.as_str(), |(first, _)| first).trim_end_matches('.').to_owned()
 }
 
-/// Returns the status of a camera whose next step is not done.
+/// Returns the status of a camera whose first unfinished required step is `step`.
 fn step_status(step: &Step) -> CameraStatus {
     let text = match step.title {
         FIELD => "draw the field of view".into(),

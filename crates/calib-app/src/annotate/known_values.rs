@@ -23,11 +23,15 @@ pub(crate) fn known_values_ui(app: &mut App, ui: &mut Ui) {
         || lens.pixel_aspect.is_some()
         || lens.principal_point_px.is_some();
     let section = CollapsingHeader::new("Known values").id_salt("known values").default_open(is_entered);
-    section.show(ui, |ui| {
-        data_sheet(app, ui, (&of, size), &lens);
-        pixel_aspect(app, ui, size, &lens);
-        principal_point(app, ui, size, &lens);
-    });
+    section.show(ui, |ui| contents(app, ui, (&of, size), &lens));
+}
+
+/// Shows the fields. The page loads them with its second part.
+#[inline(never)]
+fn contents(app: &mut App, ui: &mut Ui, (of, size): (&Period, [u32; 2]), lens: &LensEntry) {
+    data_sheet(app, ui, (of, size), lens);
+    pixel_aspect(app, ui, size, lens);
+    principal_point(app, ui, size, lens);
 }
 
 /// Shows the field for the data sheet. A text that is not understood stays in the field, with a message below it.
@@ -42,7 +46,7 @@ fn data_sheet(app: &mut App, ui: &mut Ui, (of, size): (&Period, [u32; 2]), lens:
         let field = TextEdit::singleline(&mut text).hint_text("2.8 mm 1/2.7").desired_width(132.0);
         let response = ui.add(field.char_limit(100)).labelled_by(label.id).on_hover_text(
             "Focal length and sensor, such as 2.8 mm 1/2.7, or fields of view, such as horizontal 98\u{b0}. \
-             A number alone has a tolerance of 3 %.",
+             A value without \u{b1} gets a standard deviation of 3 %.",
         );
         has_focus = response.has_focus();
         if response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Escape)) {

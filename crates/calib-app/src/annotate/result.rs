@@ -217,8 +217,8 @@ fn centre_row(ui: &mut Ui, solution: &Solution) {
     });
     row.response.on_hover_text(
         "The \u{b1} values of focal length, pitch and heights include the uncertainty of the principal \
-         point. To reduce them, draw lines in a third direction, or enter the principal point in the site \
-         file.",
+         point. To reduce them, draw lines in a third direction, or enter the principal point in Known \
+         values.",
     );
 }
 

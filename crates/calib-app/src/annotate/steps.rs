@@ -30,7 +30,7 @@ pub(crate) enum Ink {
     Square,
     /// Field of view, filled.
     Field,
-    /// Field of view before its rotation.
+    /// Outline of the field of view before the operator rotates it on the plan, dashed.
     Before,
     /// Virtual element that all views show.
     Mark,

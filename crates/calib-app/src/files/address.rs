@@ -64,9 +64,9 @@ fn sheet_ui(sheet: &mut AddressSheet, app: &App, ui: &mut Ui) -> bool {
             }
         });
         if sheet.address.trim_start().to_ascii_lowercase().starts_with("https") {
-            let text = "Accept a certificate that no authority has signed";
+            let text = "Accept any certificate";
             ui.checkbox(&mut sheet.accepts_any_certificate, text).on_hover_text(
-                "Usual for cameras in a local network. Anyone in this network could pose as the camera.",
+                "Cameras often have certificates that no authority has signed. Without this check, anyone in the network could pose as the camera.",
             );
         }
     });
@@ -86,7 +86,7 @@ fn sheet_ui(sheet: &mut AddressSheet, app: &App, ui: &mut Ui) -> bool {
         let has_address = sheet.address.contains("://");
         let button = ui.add_enabled(has_address && !is_reading, Button::new("Get the image"));
         let hint = match is_reading {
-            true => "The camera has been asked",
+            true => "Waiting for the camera",
             false => "Enter an address that begins with http://, https:// or rtsp://",
         };
         if button.on_disabled_hover_text(hint).clicked() || has_address && is_entered {

@@ -83,7 +83,8 @@ impl App {
         self.jobs.planning = Some(Planning { picture: self.read_still(ctx, picture), world_file });
     }
 
-    /// Loads the plan image once it is read.
+    /// Checks whether the plan image has been read; if so, shows it as the plan or reports the
+    /// error.
     pub(crate) fn poll_plan(&mut self) {
         let Some(planning) = self.jobs.planning.take() else { return };
         match planning.picture.poll() {

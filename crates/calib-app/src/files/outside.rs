@@ -76,6 +76,7 @@ impl App {
 }
 
 /// Shows the dialogs of pending decisions about files.
+#[inline(never)]
 pub(crate) fn asked_ui(app: &mut App, ctx: &Context) {
     if let Some(conflict) = app.dialogs.conflict.clone() {
         sheet("File not saved", ctx, |ui| conflict_ui(app, ui, &conflict));

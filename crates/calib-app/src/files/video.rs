@@ -48,7 +48,8 @@ impl App {
     }
 }
 
-/// Shows the sheet of the video, and the next video after it.
+/// Shows the sheet that takes an image from the current video. Opens the sheet of the next waiting
+/// video when it is closed.
 pub(crate) fn video_ui(app: &mut App, ctx: &Context) {
     let Some(mut sheet) = app.jobs.video.take() else { return app.next_video(ctx) };
     sheet.poll(ctx);

@@ -121,7 +121,10 @@ fn sheets_ui(app: &mut App, ui: &Ui) {
     if app.dialogs.address.is_some() {
         address::address_ui(app, ui.ctx());
     }
-    outside::asked_ui(app, ui.ctx());
+    let dialogs = &app.dialogs;
+    if dialogs.conflict.is_some() || dialogs.path_field.is_some() || !dialogs.outside.asked.is_empty() {
+        outside::asked_ui(app, ui.ctx());
+    }
 }
 
 /// Outlines the window while files are dragged over it.

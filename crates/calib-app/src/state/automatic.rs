@@ -70,7 +70,7 @@ struct Calibrating {
     waiting: VecDeque<(SiteCamera, String)>,
     running: Option<Proposing>,
     found: Vec<Found>,
-    /// Number of images.
+    /// Number of images to calibrate, including those already calibrated.
     count: usize,
 }
 

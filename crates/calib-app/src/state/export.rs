@@ -27,7 +27,7 @@ pub struct Sheet {
     pub(crate) extension: usize,
     pub(crate) rectified: bool,
     pub(crate) only_this: bool,
-    /// Whether the operator accepted the losses.
+    /// Whether the operator accepted that the export loses data.
     pub(crate) agreed: bool,
     /// Request of the running or finished export.
     pub(crate) asked: Option<Asked>,

@@ -301,6 +301,6 @@ fn field(session: &Session) -> Option<String> {
     let pose = session.pose()?;
     let is_sky = corners.iter().any(|&corner| pose.pixel_to_floor(corner, 0.0).is_none());
     is_sky.then(|| {
-        "A corner is above the horizon. Press Ctrl+Z to undo, then click only points on the floor.".into()
+        "A corner is above the horizon. Undo it (Ctrl+Z), then click only points on the floor.".into()
     })
 }

@@ -31,7 +31,7 @@ use crate::newer::NewerUnderPointer;
 use crate::session::Session;
 
 pub(crate) use mark::{is_on_pins, move_to_pins};
-pub use place::{PlanHandle, is_inside, plan_handles};
+pub use place::{PlanHandle, is_inside, is_plan_empty_at, plan_handles};
 
 /// Canvas on which the tools act.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

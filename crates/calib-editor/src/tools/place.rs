@@ -79,6 +79,15 @@ pub fn plan_handles(session: &Session, camera: usize) -> Vec<(PlanHandle, [f64; 
     handles
 }
 
+/// Whether a press on the plan with the selection tool takes nothing: no mark, and no camera. The position and the
+/// radius are in floor metres.
+#[must_use]
+pub fn is_plan_empty_at(session: &Session, at: [f64; 2], radius: f64) -> bool {
+    let is_near = |mark: &calib_site::Mark| (mark.at_m.x - at[0]).hypot(mark.at_m.y - at[1]) <= radius;
+    let has_mark = session.site.marks.iter().any(|mark| !mark.off && is_near(mark));
+    !has_mark && PlaceDrag::handle_under(session, at, radius).is_none()
+}
+
 /// Drag of a camera's polygon.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PlaceDrag {
@@ -95,7 +104,7 @@ pub(super) struct PlaceDrag {
 impl PlaceDrag {
     /// Starts a drag of the handle under the pointer; handles of the selected camera have priority.
     pub(super) fn start(session: &mut Session, pointer: &Pointer) -> Option<Self> {
-        let (camera, handle) = Self::handle_under(session, pointer)?;
+        let (camera, handle) = Self::handle_under(session, pointer.at, pointer.radius)?;
         session.select_camera(camera);
         if pointer.double {
             let is_pinned = session.tool.pivot.take().is_some();
@@ -126,21 +135,21 @@ impl PlaceDrag {
         Some(Self { camera, handle, from: pointer.at, own, pivot })
     }
 
-    /// Returns the camera and the handle under the pointer.
-    fn handle_under(session: &Session, pointer: &Pointer) -> Option<(usize, PlanHandle)> {
+    /// Returns the camera and the handle within a radius of a position, in floor metres.
+    fn handle_under(session: &Session, pointer: [f64; 2], radius: f64) -> Option<(usize, PlanHandle)> {
         let near = |camera: usize| {
-            let far = |at: &[f64; 2]| (at[0] - pointer.at[0]).hypot(at[1] - pointer.at[1]);
+            let far = |at: &[f64; 2]| (at[0] - pointer[0]).hypot(at[1] - pointer[1]);
             plan_handles(session, camera)
                 .into_iter()
                 .map(|(handle, at)| (handle, far(&at)))
-                .filter(|(_, far)| *far <= pointer.radius)
+                .filter(|(_, far)| *far <= radius)
                 .min_by(|a, b| a.1.total_cmp(&b.1))
                 .map(|(handle, _)| (camera, handle))
         };
         let count = session.site.cameras.len();
         let feet = |camera: &usize| near(*camera).filter(|(_, handle)| *handle == PlanHandle::Foot);
         let inside = |camera: &usize| {
-            session.solved.solution(*camera).is_some_and(|solution| is_inside(&solution.efov_m, pointer.at))
+            session.solved.solution(*camera).is_some_and(|solution| is_inside(&solution.efov_m, pointer))
         };
         let body = |camera| (camera, PlanHandle::Body);
         near(session.camera)

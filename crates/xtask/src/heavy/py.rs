@@ -115,7 +115,8 @@ pub(crate) fn install_release() -> anyhow::Result<PathBuf> {
     Ok(packages)
 }
 
-/// Measures the installed wheel and `OpenCV` once, and returns the JSON object of the results.
+/// Measures the run times of the installed wheel and of `OpenCV` once, and returns them as a JSON
+/// object.
 pub(crate) fn measure(packages: &Path) -> anyhow::Result<Map<String, Value>> {
     let output = tool("python").arg("tests/bench.py").env("PYTHONPATH", packages).output()?;
     ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

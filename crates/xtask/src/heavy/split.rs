@@ -11,8 +11,9 @@ use std::process::Command;
 use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
-/// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
-const REST: [&str; 139] = [
+/// Crates and modules whose functions, including instances of generic functions, are in the part of the
+/// program that is loaded later.
+const REST: [&str; 146] = [
     // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
@@ -58,8 +59,11 @@ const REST: [&str; 139] = [
     "calib_app::state::address",
     "calib_app::files::answers",
     "calib_app::files::open",
+    "calib_app::files::outside::asked_ui",
     "calib_app::files::video",
     "calib_app::annotate::annotations::usual_size_menu",
+    "calib_app::annotate::known_values::choose",
+    "calib_app::annotate::known_values::contents",
     "calib_app::annotate::known_values::data_sheet",
     "calib_app::annotate::known_values::pixel_aspect",
     "calib_app::annotate::known_values::principal_point",
@@ -152,6 +156,10 @@ const REST: [&str; 139] = [
     "calib_app::state::app::App>::show_plan",
     "calib_app::state::app::App>::take_imported",
     "calib_app::state::app::App>::without_folders",
+    "calib_editor::editor::Editor>::apply_automatic",
+    "calib_editor::editor::Editor>::decide_calibration",
+    "calib_editor::editor::Editor>::on_newer",
+    "calib_editor::editor::Editor>::rescale_to_image",
     "calib_editor::editor::Editor>::import",
     "calib_editor::editor::Editor>::import_camera",
     // Web workers, and symbol names in crash reports.
