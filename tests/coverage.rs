@@ -50,8 +50,9 @@ fn all_seeing(site: &Site) -> Vec<Seeing> {
 }
 
 impl Seeing {
-    /// Returns the pixels per metre of a stick of 1 cm around a point, in the direction with the shortest
-    /// image; `None` if the camera does not see the point.
+    /// Returns the smallest image scale, in pixels per metre, of a stick of 1 cm whose centre is
+    /// `HEIGHT` above `foot`, over all directions across the view. `None` if the camera does not
+    /// see the centre.
     fn density(&self, foot: FloorPoint, walls: &[Wall]) -> Option<f64> {
         const STICK: f64 = 0.01;
         let extent = Extent { size: self.size, efov: &self.efov };

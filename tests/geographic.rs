@@ -689,8 +689,9 @@ fn map_errors(solved: &Site) -> Option<Vec<[f64; 4]>> {
     solved.cameras.iter().zip(&street_cameras()).map(errors).collect()
 }
 
-/// Sums up trials of the street: for each quantity, the root mean square error over the standard deviation, and the
-/// share of the errors within 1.96 standard deviations.
+/// Simulates `trials` sites of six cameras, with `sigma` metres of noise on the surveyed points.
+/// Returns, for east, north, height and azimuth, the root mean square error divided by the standard
+/// deviation, and the share of the errors within 1.96 standard deviations.
 fn street_table(sigma: f64, trials: u64) -> [[f64; 2]; 4] {
     let mut sums = [[0.0; 2]; 4];
     let mut count = 0.0;

@@ -220,7 +220,8 @@ fn rim(lens: &Lens, sagitta: f64) -> Vec<Edge> {
     lines.into_iter().enumerate().map(|(i, points)| edge(points, i)).collect()
 }
 
-/// Draws a straight edge in the undistorted plane through a lens, with noise.
+/// Returns `count` raw pixels of an edge that is straight in the undistorted image, with `noise` pixels
+/// of noise. `a` and `b` are its ends, in raw pixels.
 fn seen(lens: &Lens, [a, b]: [[f64; 2]; 2], count: usize, noise: f64, random: &mut ChaCha8Rng) -> Vec<Pixel> {
     let (a, b) = (lens.undistort(a.into()).unwrap(), lens.undistort(b.into()).unwrap());
     let point = |i: usize| {

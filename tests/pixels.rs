@@ -136,7 +136,7 @@ fn assert_normal(errors: &[[f64; 4]], of: &str) {
 
 #[test]
 fn intervals_include_an_uncertain_aspect() {
-    /// Spread of the pixel aspect of calibrated cameras.
+    /// Standard deviation of the simulated pixel aspect about 1, and of its prior.
     const SIGMA: f64 = 0.01;
     let mut random = ChaCha8Rng::seed_from_u64(64);
     let mut errors = Vec::new();

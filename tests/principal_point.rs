@@ -207,9 +207,9 @@ fn exchanged_coordinates_of_the_principal_point_are_named() {
     };
     let exchanged = solution_with(1024.0, 1232.0);
     assert!(!messages(&exchanged, Code::Misfit).is_empty(), "the entered value is used");
-    assert!(messages(&exchanged, Code::PrincipalPoint)[0].contains("exchanged"), "{:?}", exchanged.warnings);
+    assert!(messages(&exchanged, Code::PrincipalPoint)[0].contains("swapped"), "{:?}", exchanged.warnings);
     let halved = solution_with(616.0, 512.0);
-    assert!(!messages(&halved, Code::PrincipalPoint)[0].contains("exchanged"), "{:?}", halved.warnings);
+    assert!(!messages(&halved, Code::PrincipalPoint)[0].contains("swapped"), "{:?}", halved.warnings);
     assert!(messages(&solution_with(1232.0, 1024.0), Code::PrincipalPoint).is_empty());
 }
 

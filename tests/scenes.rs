@@ -20,7 +20,8 @@ const SIZE: [f64; 2] = [1920.0, 1080.0];
 struct Scene {
     camera: Camera,
     lean: [f64; 2],
-    /// Azimuth and slope of both directions.
+    /// Azimuth (radians, from x toward y) and slope (rise per length) of both directions of floor
+    /// lines.
     directions: [(f64, f64); 2],
     /// Lengths of marks along the first direction.
     marks: Vec<f64>,

@@ -95,8 +95,8 @@ fn replace_camera(entry: &mut SiteCamera, camera: SiteCamera, path: &str) -> Res
     if entry.size_px != camera.size_px {
         let ([w, h], [found_w, found_h]) = (entry.size_px, camera.size_px);
         let what = format!(
-            "camera \"{}\" has {w} x {h} pixels, the imported one {found_w} x {found_h}; scale the imported \
-             one first",
+            "camera \"{}\" has {w} x {h} pixels, but the imported camera has {found_w} x {found_h}; \
+             import it without --into, scale it with calib export --rescale {w}x{h}, and import the result",
             entry.id
         );
         return Err(CommandError::invalid(path, what));

@@ -24,7 +24,7 @@ pub(crate) struct SnapshotArgs {
     /// Maximum time for a snapshot, in seconds
     #[arg(long, value_name = "S", default_value = "15", value_parser = clap::value_parser!(u64).range(1..=600))]
     timeout: u64,
-    /// Accept an HTTPS certificate that no authority has signed, as is usual for cameras
+    /// Accept any HTTPS certificate; cameras often have certificates that no authority has signed
     #[arg(long)]
     insecure: bool,
 }

@@ -198,7 +198,7 @@ pub(crate) struct AnnotationPlan {
 pub(crate) enum Corner {
     /// Two tile joints.
     Tiles,
-    /// A floor line of each direction.
+    /// One floor line along x and one along y.
     Lines,
 }
 

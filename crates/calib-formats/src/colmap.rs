@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 use calib_core::{BrownConrady, Distortion};
 
 use crate::colmap_binary;
-use crate::export::{Export, MAX_UNREPORTED_ERROR_PX, Scene, round_up};
+use crate::export::{Export, MAX_NEGLIGIBLE_ERROR_PX, Scene, round_up};
 use crate::file::File;
 use crate::file::{FormatError, Problem, quoted, stem};
 use crate::fisheye::{MAX_ANGLE, MAX_FIT_ERROR_PX, fit_error_text, fit_lens};
@@ -279,7 +279,7 @@ fn symmetric(
     let focal = 0.5 * (fx + fy);
     let rim = samples.iter().map(|[_, radius]| radius / focal).fold(0.0, f64::max);
     let moved = focal * prism.max_displacement(rim);
-    if moved.is_nan() || moved > MAX_UNREPORTED_ERROR_PX {
+    if moved.is_nan() || moved > MAX_NEGLIGIBLE_ERROR_PX {
         let found = format!("tangential and thin-prism terms that move the rim by up to {moved:.2} px");
         let expected = "negligible terms; calibrate the camera as OPENCV_FISHEYE instead";
         return Err(FormatError::expected(line.place(), found, expected));

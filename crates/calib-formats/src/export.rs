@@ -49,8 +49,9 @@ pub(crate) struct Scene<'a> {
     pub(crate) lenses: &'static [DistortionModel],
 }
 
-/// Largest error of a fitted lens, in pixels, that an export reports as a note. A larger error is a loss.
-pub(crate) const MAX_UNREPORTED_ERROR_PX: f64 = 0.05;
+/// Largest error of a converted lens, in pixels, that is negligible. An export reports a larger error
+/// as lost data, and an import refuses it.
+pub(crate) const MAX_NEGLIGIBLE_ERROR_PX: f64 = 0.05;
 
 /// Returns advice for a wide-angle lens whose model the format does not support; `None` for other lenses.
 pub(crate) fn wide_lens_advice(view: &View) -> Option<String> {
@@ -120,7 +121,7 @@ impl Export {
             );
             return Terms::BrownConrady(brown);
         }
-        if off.is_finite() && off <= MAX_UNREPORTED_ERROR_PX {
+        if off.is_finite() && off <= MAX_NEGLIGIBLE_ERROR_PX {
             self.notes.push(format!(
                 "camera {:?}: its lens is approximated in the terms of this format, with an error of at most {:.3} px",
                 view.id,

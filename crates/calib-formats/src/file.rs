@@ -204,7 +204,7 @@ impl Problem {
                 "found camera_angle_x, but no w and h; the field of view alone does not determine pixels, so add \
                  the image size (calib import --size)"
             }
-            Self::Empty => "found an empty file",
+            Self::Empty => "is empty; export the calibration again",
             Self::DeepElements => "found elements nested too deeply",
             Self::NotFspy { is_short: true } => "found fewer than 16 bytes, expected an fSpy project",
             Self::NotFspy { .. } => "found no \"fspy\" at the beginning, expected an fSpy project",
@@ -221,8 +221,8 @@ impl Problem {
             Self::InvalidIntrinsics => "found a matrix that is not [fx 0 cx; 0 fy cy; 0 0 1]",
             Self::InvalidProjection => "found a matrix that is not a camera projection",
             Self::NoCamera => "found no camera",
-            Self::NoPoses => "has no poses to import, so a unit and a left-handed world do not apply",
-            Self::NoCameras => "contains no cameras, so an image size does not apply",
+            Self::NoPoses => "contains no poses; leave out the options for poses (--unit, --left-handed)",
+            Self::NoCameras => "contains no cameras; leave out --size",
             Self::ReadOnly => "can be imported but not exported",
             Self::WriteOnly => "can be exported but not imported",
             Self::NothingToExport => "has no calibrated camera; solve it first",

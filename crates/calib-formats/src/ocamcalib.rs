@@ -135,8 +135,9 @@ fn lens(file: &File, notes: &mut Vec<String>) -> Result<ImportedCamera, FormatEr
     })
 }
 
-/// Returns pairs of angle from the axis and radius in pixels. They run from the axis to the corners, to
-/// [`MAX_ANGLE`], or to the radius where the angle stops growing.
+/// Returns pairs of angle from the axis, in radians, and radius, in pixels. They end at the corner, at
+/// [`MAX_ANGLE`], or where the angle stops growing, whichever is first. Fails if the angles do not
+/// increase.
 fn rings(direct: &Line, corner: f64, scale: f64) -> Result<Vec<[f64; 2]>, FormatError> {
     let terms = direct.terms()?;
     let ahead = terms[0].signum();

@@ -71,8 +71,8 @@ pub struct Format {
 }
 
 impl Format {
-    /// Default values of the entries of [`FORMATS`]. They contain poses without lenses, no export and no
-    /// import.
+    /// Default values of the entries of [`FORMATS`]: a format with camera poses but no lenses, and
+    /// without export or import.
     const PLAIN: Self = Self {
         name: "",
         about: "",

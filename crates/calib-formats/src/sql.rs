@@ -11,7 +11,7 @@
 use calib_core::floor::TangentPlane;
 use calib_core::{Distortion, Extent, FloorPoint, Pixel, UndistortedPixel, WorldPoint};
 
-use crate::export::{Export, MAX_UNREPORTED_ERROR_PX, Scene, round_up, wide_lens_advice};
+use crate::export::{Export, MAX_NEGLIGIBLE_ERROR_PX, Scene, round_up, wide_lens_advice};
 use crate::tree::digits;
 use crate::view::{View, solve_3x3};
 
@@ -37,7 +37,7 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
         let what = format!(
             "the fit of its distortion for SQL has an error of at most {pixels:.3} px, and {metres:.4} m on the floor of the EFOV"
         );
-        if row.max_error[0] > MAX_UNREPORTED_ERROR_PX {
+        if row.max_error[0] > MAX_NEGLIGIBLE_ERROR_PX {
             let windows = wide_lens_advice(row.view).map_or(String::new(), |windows| format!("; {windows}"));
             export.add_loss(row.view, format!("its exact distortion: {what}{windows}"));
         } else if pixels > 0.0 {

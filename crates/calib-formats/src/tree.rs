@@ -130,8 +130,8 @@ fn without_directives(mut text: &str) -> &str {
     text
 }
 
-/// Returns the nesting depth of a YAML or JSON text: of brackets, or of blocks (`- - - 1`, or a large
-/// indentation) if it is larger.
+/// Estimates the nesting depth of a YAML or JSON text: the larger of the depth of brackets and the
+/// depth of blocks, from markers (`- - - 1`) and indentation.
 fn depth(text: &str) -> usize {
     /// Number of columns of indentation that count as one level of blocks.
     const COLUMNS: usize = 8;

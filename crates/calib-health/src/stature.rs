@@ -194,7 +194,8 @@ pub(crate) fn features(
     [1.0, -tilt, -roll, -zoom, PADDING_SCALE_PX / tall]
 }
 
-/// Normal equations of the coefficients of the features, summed over tracks.
+/// Normal equations of the coefficients of season, tilt, roll, zoom and padding (see the module
+/// documentation), summed over tracks.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Heights {
     /// Upper triangle of the information matrix, row by row.

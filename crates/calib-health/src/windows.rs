@@ -19,7 +19,8 @@ pub(crate) struct Window {
     pub(crate) moments: Moments,
 }
 
-/// All windows with evidence, aligned to multiples of their width.
+/// Time windows that contain observations of people. All have the same width and start at multiples of
+/// it.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Windows {
     /// Number of cameras.

@@ -86,7 +86,7 @@ impl fmt::Display for FileError {
         match self {
             Self::System(error) => error.fmt(f),
             Self::NotAFile(what) => write!(f, "is {what}, expected a regular file"),
-            Self::TooLong { max_bytes } => write!(f, "larger than the limit of {} MiB", max_bytes >> 20),
+            Self::TooLong { max_bytes } => write!(f, "is larger than the limit of {} MiB", max_bytes >> 20),
             Self::Memory(error) => error.fmt(f),
         }
     }

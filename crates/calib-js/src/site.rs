@@ -57,7 +57,8 @@ impl Site {
     /// Calibrates the site from its annotations and entered values, and returns a new site with the
     /// solutions.
     ///
-    /// A camera that cannot be solved does not prevent the others. Its reason is in `findings`.
+    /// A camera that cannot be solved does not stop the others from being solved. The reason is in
+    /// `findings`.
     ///
     /// # Errors
     /// Throws for unknown options, and for ids that are not in the site.

@@ -18,7 +18,8 @@ use crate::stream::{named, view_of};
 /// Removes the lens distortion from any number of images: ``straight = undistorter(image)``, see `apply`.
 ///
 /// Args:
-///     camera: `Camera` with the stream of the images. `Camera.undistorter` returns the same object.
+///     camera: `Camera` whose stream settings match the images. `Camera.undistorter` also creates an
+/// `Undistorter`.
 ///     view: "same-focal" (the centre keeps its scale), "all-valid" (the largest view without blank pixels)
 ///         or "all-pixels" (the whole image, with blank borders).
 #[pyclass(frozen, module = "calib")]

@@ -519,8 +519,8 @@ fn check_principal_point(entry: &SiteCamera, first: &SingleFit, camera: &Camera)
         .then(|| Finding::OffCentre { estimated, distance: estimated.distance(centred.value) / w.max(h) })
 }
 
-/// Counts the redundancy of lines and control points together; stage 1 counts the lines alone. Lines do not
-/// detect a wrong control point, so the position needs redundant points or links, too.
+/// Updates the findings about redundancy by counting lines and control points together; stage 1 counts
+/// only lines. A wrong control point is detectable only with redundant points or links.
 fn recount_redundancy(
     entry: &SiteCamera,
     first: &SingleFit,

@@ -48,7 +48,7 @@ impl fmt::Display for VideoError {
                 "has the codec {codec}, which cannot be read here (H.264, H.265 and motion JPEG can); convert it, \
                  for example with `ffmpeg -i VIDEO -c:v libx264 video.mp4`"
             ),
-            Self::NoVideoTrack => f.write_str("has no video track"),
+            Self::NoVideoTrack => f.write_str("has no video track; choose another file"),
             Self::TooLarge([w, h]) => write!(f, "has frames of {w} x {h} pixels, more than 64 megapixels"),
             Self::Memory => f.write_str(
                 "needs more than 2 GB of memory at once; use fewer frames, or a video with more key frames",

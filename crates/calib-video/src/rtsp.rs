@@ -70,7 +70,7 @@ fn error_of(address: &str, has_credentials: bool, error: &retina::Error) -> Snap
     let what = match error.status_code() {
         Some(401) if !has_credentials => return SnapshotError::without_credentials(address),
         Some(401) => "rejected the user name or password, or asks for them in an unknown way".into(),
-        Some(403) => "does not allow access (403)".into(),
+        Some(403) => "does not allow access (403); check the rights of this user in the camera".into(),
         Some(404) => "has no stream of this name (404)".into(),
         Some(code @ (454 | 461)) => format!("does not send its video over TCP ({code})"),
         Some(code) => format!("responded with the error {code}"),

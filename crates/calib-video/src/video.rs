@@ -264,7 +264,8 @@ impl Video {
         (0..runs.len()).map(group).collect()
     }
 
-    /// Decodes the frames of a request. Decoding stops after the last one.
+    /// Decodes the requested frames and appends them to `found` with their times, in seconds. Fails
+    /// if `progress` returns false.
     fn frames_of(
         &self,
         Request { shown, numbers, .. }: &Request,

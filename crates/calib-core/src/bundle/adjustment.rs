@@ -80,7 +80,8 @@ pub struct BundleSummary {
 }
 
 impl BundleSummary {
-    /// Whether a camera is placed in its component.
+    /// Whether the camera with this index has enough shared landmarks to be positioned within its
+    /// connected component of the view graph.
     pub(crate) fn is_connected(&self, camera: usize) -> bool {
         !self.unreached.contains(&camera) && self.components.iter().any(|c| c.views.contains(&camera))
     }

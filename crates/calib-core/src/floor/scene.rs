@@ -27,7 +27,8 @@ pub enum MarkKind {
     Circle,
     /// Human figure; size: height.
     Person,
-    /// Square grid; size: cell, columns, rows.
+    /// Grid of square cells on the floor; size: side of a cell, in metres, then numbers of columns
+    /// and rows.
     Grid,
     /// Rectangle on the floor, such as a sports court; size: width, depth.
     Rectangle,

@@ -11,7 +11,8 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 /// Derivatives with respect to roll, pitch, log focal length, log height and the two tilts of the floor.
 pub(crate) type Gradient = [f64; PARAMETERS];
 
-/// Number of parameters of a stage 1 formula, without nuisance parameters.
+/// Number of parameters of a formula of one camera (stage 1) without nuisance parameters: roll, pitch,
+/// log focal length, log height and two floor tilts.
 const PARAMETERS: usize = 6;
 
 /// Value with its derivatives with respect to the lens parameters.

@@ -58,7 +58,7 @@ pub enum Failure {
     ImpossibleCamera {
         /// Focal length, in pixels.
         focal: f64,
-        /// Height, in metres.
+        /// Height of the camera above the floor, in metres.
         height: f64,
     },
     /// No pitch and focal length have possible geometry for the lines.

@@ -123,7 +123,8 @@ pub enum Finding {
         /// Whether every other minimum is the camera rotated by about 180 degrees. Lines cannot distinguish
         /// it from the solution.
         is_turned: bool,
-        /// Annotation that would decide between the minima.
+        /// Suggested next annotation: the one that would most reduce the error of floor
+        /// lengths. `None` without a suggestion.
         next: Option<Suggestion>,
     },
     /// The predicted relative error of floor lengths is large.
@@ -403,7 +404,7 @@ pub enum Finding {
     ScaleConflict {
         /// Height as entered or as estimated from annotations, in metres.
         estimated: f64,
-        /// Height from the placement, in metres.
+        /// Camera height that follows from the placement on the plan, in metres.
         placed: f64,
     },
     /// A part of the EFOV is not on the floor.

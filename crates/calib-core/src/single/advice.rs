@@ -247,7 +247,8 @@ fn misfit(fit: &Fit) -> Finding {
 /// The candidates include links to other cameras if `options` allow links.
 #[must_use]
 pub fn suggest_lines(fit: &Fit, constraints: &Constraints, options: &FitOptions) -> Vec<SuggestedLine> {
-    /// Maximum ratio of the error with the annotation to the present error.
+    /// Maximum ratio of the floor-length error with a candidate annotation to the present one, at
+    /// which the candidate is suggested.
     const MAX_RATIO: f64 = 0.8;
     let inliers: Constraints = without(constraints, &fit.outliers);
     let grid = grid(&fit.camera, options.efov, options.size);

@@ -299,8 +299,8 @@ impl LensProblem<'_> {
         hardly_bent.into_iter().filter(says_nothing).collect()
     }
 
-    /// Returns the pixels at which errors of the lens are reported: halfway to the border, at the middle of
-    /// the longer side, and in the corner.
+    /// Returns the pixels at which errors of the lens are reported: halfway to the end of the longer image axis, at that
+    /// end, and in the corner.
     ///
     /// For a fisheye the image circle replaces the border. Without a known circle its radius is assumed to be
     /// half the longer side.

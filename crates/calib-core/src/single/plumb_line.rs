@@ -45,8 +45,9 @@ pub struct LensFit {
     pub free: [bool; Lens::PARAMETERS],
     /// Covariance of the parameters; zero for parameters that are not fitted.
     pub covariance: [[f64; Lens::PARAMETERS]; Lens::PARAMETERS],
-    /// Predicted standard deviation of the undistorted position, in pixels: halfway to the border, at the
-    /// middle of the longer side, and in the corner. For a fisheye, halfway to its image circle and on it.
+    /// Predicted standard deviation of the undistorted position at three pixels, in pixels: halfway
+    /// to the end of the longer image axis, at that end, and in the corner. For a fisheye, the
+    /// image circle replaces the border.
     pub map_error: [f64; 3],
     /// Polylines with almost no information, with their sagitta under a distortion that moves the corner by
     /// 10 px, in pixels.

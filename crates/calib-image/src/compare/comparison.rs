@@ -210,7 +210,9 @@ impl Comparison {
         Self::new(&camera, &annotation_edges(entry), old, new).map_err(ComparisonError::SizeMismatch)
     }
 
-    /// Returns the map from pixels of the old image to pixels of the new image.
+    /// Returns the map from pixels of the old image to pixels of the new image. The map returns
+    /// `None` for rays behind the rotated camera or outside the lens; a result may be outside the
+    /// new image.
     pub fn pixel_map(&self, camera: &Camera) -> impl Fn(Pixel) -> Option<Pixel> + use<> {
         let (turned, window) = (self.rotation.for_camera(camera), self.window);
         move |at| window.map_or_else(|| turned.map_pixel(at), |window| Some(window.map.pixel(at)))
@@ -404,7 +406,8 @@ impl ImagePair<'_> {
 
     /// Returns the result for a window of the old image, if it explains the new image better than `moved`.
     fn window(&self, moved: &Comparison, size: [u32; 2]) -> Option<Comparison> {
-        /// Largest ratio of the disagreement of a window to the disagreement of a rotation and zoom.
+        /// Largest ratio of the mean squared brightness difference under a window to that under
+        /// a rotation and zoom, at which the window is accepted.
         const MAX_RATIO: f64 = 0.8;
         let is_open = matches!(
             moved.change,

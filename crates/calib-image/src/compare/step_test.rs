@@ -47,8 +47,9 @@ impl StepAlignment {
         [Some(turned.motion), far].into_iter().flatten().filter_map(from).map(Self).collect()
     }
 
-    /// Whether the step is significant, and at least as many samples are found with the step as with the
-    /// rotation `turned` alone. `chance` is the fraction of samples found by chance.
+    /// Whether the translation of the camera is significant, and explains at least as many edge
+    /// samples as the rotation `turned` alone. `chance` is the fraction of samples matched by
+    /// chance.
     pub(crate) fn is_significant(
         &self,
         camera: &Camera,

@@ -30,7 +30,8 @@ pub(crate) struct DirectionMap {
     density: f32,
     /// Shares in units of 1 / `UNIT`, by class, row and column.
     shares: Vec<u16>,
-    /// Background shares of the classes, in units of 1 / `UNIT`.
+    /// Mean share of each colour class in the visible surroundings, used for hidden directions; in
+    /// units of 1 / `UNIT`.
     background: Vec<u16>,
 }
 

@@ -75,7 +75,8 @@ impl<'a> JointSearch<'a> {
 
     /// Maximises the score from the given poses. Returns the score.
     pub(crate) fn maximise(&mut self, poses: Poses, stage: Stage) -> f64 {
-        /// Damping of the first step of a round, as a loss of score for a change by one step of the stencil.
+        /// Levenberg-Marquardt damping at the start of the search: the value added to the
+        /// Hessian, in units of score per squared finite-difference step.
         const START_DAMPING: f64 = 10.0;
         /// Largest number of steps of Newton's method in one round.
         const MAX_STEPS: usize = 8;

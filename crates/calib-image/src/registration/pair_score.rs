@@ -122,9 +122,10 @@ impl<'a> PairScore<'a> {
         self.colour(pose) - PRIOR_WEIGHT * (pose.log_ratio / self.sigma).powi(2)
     }
 
-    /// Maximises the score from a start with a pattern search: each parameter in turn, with steps that are
-    /// halved. `steps` contains the steps of yaw (radians), log ratio, and position (heights) of the first of
-    /// `rounds` rounds.
+    /// Maximises the score by a pattern search from `start`: varies one parameter at a time, and
+    /// halves the steps after each of `rounds` rounds. `steps` are the first steps of yaw
+    /// (radians), log height ratio, and position (in heights of camera B). Returns the score and
+    /// the pose.
     pub(crate) fn climb(&self, start: &RelativePose, steps: [f64; 3], rounds: usize) -> (f64, RelativePose) {
         const SWEEPS: usize = 6;
         let mut steps = [steps[0], steps[1], steps[2], steps[2]];

@@ -53,7 +53,8 @@ impl RelativePose {
         [self.yaw, self.log_ratio, self.at[0], self.at[1]]
     }
 
-    /// Creates a pose from its parameters: yaw, log ratio, x and y.
+    /// Creates a pose from its parameters: yaw (radians), log of the height ratio, x and y (in
+    /// heights of camera B).
     pub(crate) fn from_parameters([yaw, log_ratio, x, y]: [f64; 4]) -> Self {
         Self { yaw, log_ratio, at: [x, y] }
     }

@@ -276,9 +276,9 @@ fn not_found(view: usize, registration: &SiteRegistration) -> &'static str {
     let is_ambiguous =
         |pair: &PairRegistration| pair.decision == PairDecision::Ambiguous && pair.views.contains(&view);
     if registration.pairs.iter().any(is_ambiguous) {
-        "several poses agree with the colours of another image"
+        "several poses agree with the colours of another image; link points, or place the camera by hand"
     } else {
-        "no other image clearly shows the same part of the scene"
+        "no other image clearly shows the same part of the scene; link points, or place the camera by hand"
     }
 }
 
@@ -322,14 +322,18 @@ fn summary(site: &Site, cameras: &[CameraPlacement], groups: usize, against: usi
         0 => String::new(),
         _ => format!("; {} the common pose", counted(against, "pair contradicts", "pairs contradict")),
     };
-    let already = if kept > 0 { format!("; {kept} were already placed") } else { String::new() };
+    let already = if kept > 0 {
+        format!("; {}", counted(kept, "was already placed", "were already placed"))
+    } else {
+        String::new()
+    };
     if groups == 0 {
         (false, "no two images clearly show the same part of the scene".into())
     } else if placed + kept == wanted && groups == 1 && against == 0 {
         let all = if kept > 0 { "every other camera" } else { "every camera" };
         (true, format!("{all} is placed by colours; link points to check and refine the positions"))
     } else {
-        (false, format!("{placed} of {wanted} cameras are placed by colours{already}{contradiction}"))
+        (false, format!("placed by colours: {placed} of {wanted} cameras{already}{contradiction}"))
     }
 }
 

@@ -56,7 +56,7 @@ const NO_STANDARD_DEVIATIONS: &str =
 const PLACED_BY_HAND: &str =
     "No point or link confirms the placement of the camera, so the uncertainty of its position is unknown.";
 /// Advice for two exchanged control points.
-const EXCHANGE: &str = "Exchange their pixels, or their coordinates.";
+const EXCHANGE: &str = "Swap their pixels, or their coordinates.";
 /// Message for a distortion that is not invertible over the image.
 const NOT_INVERTIBLE: &str = "The distortion cannot be inverted in a corner of the image.";
 
@@ -159,8 +159,8 @@ fn advice(finding: &Finding) -> String {
             format!("Enter the focal length if heights matter, or draw verticals. {}", next())
         }
         F::FocalUnobservable { .. } => format!(
-            "Draw floor lines that run away from the camera, or a right angle at about 45\u{b0} to the view, or \
-             enter the focal length. {}",
+            "Draw floor lines that run away from the camera, or a right angle on the floor with both sides at about \
+             45\u{b0} to the view. Or enter the focal length. {}",
             next()
         ),
         F::TwoSolutions { is_turned: true, .. } => TURNED_ADVICE.into(),
@@ -258,7 +258,9 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
             "Draw long edges that are far from the image centre and do not point towards it."
         }
         F::UncertainCorners { is_round, is_reached, .. } => extend_edges(*is_round, *is_reached),
-        F::UnusedEdges { .. } => "Remove the coefficients from lens.distortion to have them estimated.",
+        F::UnusedEdges { .. } => {
+            "To estimate the distortion from the edges, remove lens.distortion, or choose \"from straight edges\" in the app."
+        }
         F::UnusedKind { .. } => "Switch the annotation off, or use a method that supports it.",
         F::TooFewSegments { .. } => "Draw the missing segments.",
         F::UnusedPrior { .. } => "Fix the value with \"fixed\": true, or use --method ml.",
@@ -292,7 +294,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
 const fn lens_advice(finding: &Finding) -> &'static str {
     match finding {
         Finding::WrongPrincipalPoint { is_exchanged: true, .. } => {
-            "Exchange the coordinates of the principal point: the order is [u, v], from the left and from \
+            "Swap the coordinates of the principal point: the order is [u, v], from the left and from \
              the top."
         }
         Finding::WrongPrincipalPoint { .. } => {
@@ -468,7 +470,7 @@ fn failure_text(failure: &Failure) -> [String; 2] {
 fn points_failure_text(failure: &Failure) -> [String; 2] {
     match failure {
         Failure::ExchangedControlPoints { points: [a, b] } => [
-            format!("Control points {a} and {b} are exchanged: all points fit if each has the pixel of the other."),
+            format!("Control points {a} and {b} are swapped: all points fit if each has the pixel of the other."),
             EXCHANGE.into(),
         ],
         Failure::ContradictoryPoints { count } => [
@@ -502,7 +504,7 @@ fn lens(finding: &Finding) -> String {
     let point = |at: &Pixel| format!("({:.0}, {:.0})", at.u, at.v);
     match finding {
         Finding::WrongPrincipalPoint { entered, estimated, is_exchanged } => {
-            let cause = if *is_exchanged { " The entered coordinates are probably exchanged." } else { "" };
+            let cause = if *is_exchanged { " The entered coordinates are probably swapped." } else { "" };
             format!(
                 "The entered principal point {} contradicts the lines, which all fit with a principal point at {}.{cause}",
                 point(entered),

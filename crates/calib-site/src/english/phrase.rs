@@ -322,9 +322,7 @@ impl SentenceContext<'_> {
 
     pub(super) fn exchanged_control_points(&self, points: [usize; 2]) -> String {
         let [a, b] = points.map(|point| self.control_point(self.entry, point));
-        format!(
-            "Control points {a} and {b} are exchanged: all points fit if each has the pixel of the other."
-        )
+        format!("Control points {a} and {b} are swapped: all points fit if each has the pixel of the other.")
     }
 
     pub(super) fn far_from_map(&self, camera: usize, point: usize, distance: f64) -> String {
