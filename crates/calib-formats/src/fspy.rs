@@ -29,6 +29,8 @@ struct Project {
     tree: Value,
     /// Image inside the project file; empty for exported parameters.
     image: Vec<u8>,
+    /// Whether the file is a project, not exported parameters.
+    is_project: bool,
 }
 
 pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
@@ -36,16 +38,15 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
     for file in files.iter() {
         let project = Project::read(file)?;
         let root = Node::root(&project.state, &project.tree);
-        let is_alone = project.image.is_empty();
         match root.get("cameraParameters") {
             Some(camera) => given.push(solved(&camera, file, files.size())?.with_path(&file.name)),
-            None if is_alone && root.get("globalSettings").is_none() => {
+            None if !project.is_project => {
                 given.push(solved(&root, file, files.size())?.with_path(&file.name));
             }
             None => unsolved.push(lines(&root, &project, files.size(), &mut notes)?),
         }
         notes.extend(root.unread_keys());
-        notes.extend((!is_alone).then(|| format!("{}: not imported: the image", file.name)));
+        notes.extend(project.is_project.then(|| format!("{}: not imported: the image", file.name)));
     }
     if given.is_empty() {
         return checked_site(unsolved, notes, &files[0].name);
@@ -179,7 +180,7 @@ impl Project {
         let is_json = file.bytes.trim_ascii_start().starts_with(b"{");
         let (state, image) = if is_json { (file.clone(), Vec::new()) } else { parts(file)? };
         let tree = Syntax::Json.parse(&state)?;
-        Ok(Self { state, tree, image })
+        Ok(Self { state, tree, image, is_project: !is_json })
     }
 }
 

@@ -437,7 +437,9 @@ async function all() {
   await desk.press("Cancel the running task");
   const stopped = await desk.until("stopped", (state) => !state.automatic);
   assert.match(stopped.note, /no camera was placed/);
-  assert.equal(drawn(stopped), 0);
+  // Images that were calibrated before the click keep their calibration.
+  const kept = drawn(stopped);
+  assert(kept < 3 && placed(stopped) === 0, `${kept} calibrated`);
   const start = Date.now();
   await desk.key("Shift+A");
   await desk.until("placed", (state) => !state.automatic && placed(state) === 3);
@@ -446,7 +448,7 @@ async function all() {
   await desk.key("Control+z");
   await desk.until("the calibrations remain", (state) => placed(state) === 0 && drawn(state) === 3);
   await desk.key("Control+z");
-  await desk.until("everything is taken back", (state) => drawn(state) === 0);
+  await desk.until("everything is taken back", (state) => drawn(state) === kept);
   desk.fine();
   await desk.context.close();
 }
