@@ -302,6 +302,20 @@ fn a_camera_is_calibrated_by_keys_alone() {
         }
         desk.key(Key::W);
     }
+    // A line that is cancelled is not selected any more.
+    let target = desk.screen(Pane::Image(0), [400.0, 500.0]);
+    point_by_keys(&mut desk, target);
+    assert!(!desk.app().editor.tool().is_idle());
+    desk.key(Key::Escape);
+    assert!(
+        desk.harness
+            .state()
+            .editor
+            .session()
+            .selection
+            .iter()
+            .all(|part| !part_name(&desk, *part).is_empty())
+    );
     let count: usize = drawn.iter().map(|(_, segments)| segments.len()).sum();
     let found = &desk.site().cameras[0].annotations;
     assert_eq!(found.iter().map(|drawn| drawn.segments.as_ref().map_or(0, Vec::len)).sum::<usize>(), count);
@@ -309,4 +323,9 @@ fn a_camera_is_calibrated_by_keys_alone() {
     let pose = desk.app().editor.session().pose().copied().expect("the camera is calibrated");
     let expected = calib_demo::demo_site().truth[0].1.focal;
     assert!((pose.focal / expected - 1.0).abs() < 0.05, "{} of {expected}", pose.focal);
+}
+
+/// Returns the name of a part of the current camera; empty if it does not exist.
+fn part_name(desk: &Desk, part: calib_editor::Part) -> String {
+    desk.harness.state().editor.session().part_name(part)
 }

@@ -303,6 +303,8 @@ fn the_address_of_a_camera_gives_an_image() {
     let address = camera();
     let mut desk = Desk::new(Site::new());
     desk.tell(Command::AddFromAddress);
+    desk.harness.run_steps(3);
+    assert!(desk.harness.get_by_label("Address").is_focused(), "the address has the focus");
     let enter = |desk: &mut Desk, field: &str, text: &str| {
         desk.harness.get_by_label(field).focus();
         desk.harness.run_steps(2);

@@ -417,6 +417,15 @@ impl Session {
         }
     }
 
+    /// Whether the line of a part exists; true for parts that do not belong to a line.
+    pub(crate) fn has_line(&self, part: Part) -> bool {
+        let (Part::Vertex { annotation, segment, .. } | Part::Line { annotation, segment }) = part else {
+            return true;
+        };
+        let drawn = self.entry().and_then(|entry| entry.annotations.get(annotation));
+        drawn.is_some_and(|drawn| drawn.segments.as_ref().is_none_or(|segments| segment < segments.len()))
+    }
+
     /// Returns the names of the selected parts, for the name of an undo step.
     #[must_use]
     pub fn selection_name(&self) -> String {

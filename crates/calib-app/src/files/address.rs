@@ -44,7 +44,8 @@ fn field_id(name: &str) -> Id {
 /// Shows the contents of the sheet. Returns whether it stays open.
 fn sheet_ui(sheet: &mut AddressSheet, app: &App, ui: &mut Ui) -> bool {
     let palette = theme::palette(ui.ctx());
-    if !std::mem::replace(&mut sheet.is_shown, true) {
+    // The first pass of a window only measures it, and its widgets cannot have the focus.
+    if !ui.is_sizing_pass() && !std::mem::replace(&mut sheet.is_shown, true) {
         // The undo history of a field would contain the password of an earlier sheet.
         FIELDS.iter().for_each(|name| TextEditState::default().store(ui.ctx(), field_id(name)));
         ui.memory_mut(|memory| memory.request_focus(field_id(FIELDS[0])));

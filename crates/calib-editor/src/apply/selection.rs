@@ -63,6 +63,10 @@ impl Editor {
         self.tool.cancel();
         self.plan_tool.cancel();
         self.session.revert();
+        // A line that was being drawn no longer exists.
+        let mut selection = std::mem::take(&mut self.session.selection);
+        selection.retain(|part| self.session.has_line(*part));
+        self.session.selection = selection;
         self.session.solve();
     }
 
