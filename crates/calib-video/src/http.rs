@@ -78,6 +78,27 @@ fn is_stream(response: &Response<Body>) -> bool {
     kind.is_some_and(|kind| kind.to_ascii_lowercase().starts_with("multipart/"))
 }
 
+/// Describes why a request failed.
+fn reason(error: &ureq::Error) -> String {
+    use std::io::ErrorKind::{ConnectionRefused, HostUnreachable, NetworkUnreachable};
+    match error {
+        ureq::Error::HostNotFound => "has an unknown host; check the address".into(),
+        ureq::Error::Timeout(_) => "did not answer in time; check the address and the network".into(),
+        ureq::Error::Io(error) if error.kind() == ConnectionRefused => {
+            "refuses the connection; check the address and the port".into()
+        }
+        ureq::Error::Io(error) if matches!(error.kind(), HostUnreachable | NetworkUnreachable) => {
+            "cannot be reached; check the address and the network".into()
+        }
+        error => match error.to_string() {
+            text if text.contains("certificate") => {
+                format!("{text}; accept any certificate (calib still --insecure) if you trust the network")
+            }
+            text => text,
+        },
+    }
+}
+
 /// Sends a request, which ends at the deadline.
 fn get(
     agent: &Agent,
@@ -90,7 +111,7 @@ fn get(
     if let Some(authorization) = authorization {
         request = request.header("Authorization", authorization);
     }
-    request.call().map_err(|error| failed(uri, error))
+    request.call().map_err(|error| failed(uri, reason(&error)))
 }
 
 /// Returns the header `Authorization` for the challenge of a response: Digest if the camera offers it.
