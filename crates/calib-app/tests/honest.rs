@@ -163,7 +163,7 @@ fn sigma_and_scene_can_be_set_per_annotation_and_camera() {
     assert!(drawn(&desk).exact);
     desk.undo();
     assert!(!drawn(&desk).exact);
-    desk.harness.get_by_role_and_label(Role::ComboBox, "Type of scene (this camera)").click_accesskit();
+    desk.harness.get_by_role_and_label(Role::ComboBox, "Scene type (camera)").click_accesskit();
     desk.harness.run_steps(3);
     desk.harness.get_by_label("Level floor").click_accesskit();
     desk.harness.run_steps(3);

@@ -44,9 +44,9 @@ pub(crate) fn sigmas_ui(app: &mut App, ui: &mut Ui) {
     let session = app.editor.session();
     let site = session.site.scene;
     let Some(own) = session.entry().map(|entry| entry.scene) else { return };
-    let chosen = scene_choice(ui, "Type of scene (whole site)", site, SCENE_KINDS[0], errors(None));
+    let chosen = scene_choice(ui, "Scene type (site)", site, SCENE_KINDS[0], errors(None));
     let as_site = ("Same as the site", None, "Uses the scene of the site");
-    let own_chosen = scene_choice(ui, "Type of scene (this camera)", own, as_site, errors(site));
+    let own_chosen = scene_choice(ui, "Scene type (camera)", own, as_site, errors(site));
     if chosen != site || own_chosen != own {
         set_scenes(app, chosen, own_chosen);
     }
