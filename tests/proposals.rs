@@ -401,6 +401,14 @@ fn a_known_roll_finds_cameras_upside_down_and_on_their_side() {
         let drawn = camera.annotations.iter().flat_map(|drawn| drawn.segments.iter().flatten().flatten());
         assert!(drawn.clone().count() > 10 && drawn.clone().all(inside));
     }
+    // A wrong roll is not accepted without a doubt.
+    let wrong = EdgeImage {
+        roll_deg: Some(Known::prior(180.0, 5.0)),
+        ..EdgeImage::new(line_segments(&image), entry.size_px)
+    };
+    let found = AutomaticCalibration::new(&wrong);
+    let is_doubted = found.reasons.iter().any(|reason| matches!(reason, Reason::MayBeUpsideDown { .. }));
+    assert!(found.confidence != Confidence::Sure && is_doubted, "{:?}", found.reasons);
 }
 
 #[test]

@@ -252,7 +252,9 @@ impl AutomaticCalibration {
             proposal.camera = Some(camera);
             return proposal;
         }
-        let mount = doubtful_mount(best).filter(|_| image.roll_deg.is_none());
+        // An entered roll decides whether the camera lies on its side. It may be wrong if the camera looks up.
+        let is_open = |reason: &Reason| image.roll_deg.is_none() || *reason != Reason::MayLieOnItsSide;
+        let mount = doubtful_mount(best).filter(is_open);
         proposal.reasons.extend(image.doubts().into_iter().chain(mount));
         let scatter = Scatter::new(best, &grouping.others());
         let known = image.known_focal(&grouping.lens);

@@ -129,7 +129,7 @@ impl fmt::Display for Reason {
             ),
             Self::MayBeUpsideDown { pitch_deg } => write!(
                 f,
-                "the camera looks up by {:.0}\u{b0}, or it hangs upside down; check that the floor is at the bottom of the image",
+                "the camera looks up by {:.0}\u{b0}, or it hangs upside down; check where the image shows the floor, and the roll if it is entered",
                 -pitch_deg
             ),
             Self::MayLieOnItsSide => f.write_str(
