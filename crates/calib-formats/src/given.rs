@@ -300,8 +300,15 @@ pub(crate) fn decompose_projection(
     Ok((k, ([r1, r2, r3], t)))
 }
 
+/// Adds a note for every camera with an unlikely pose.
+pub(crate) fn note_unlikely_poses(imported: &mut Imported) {
+    let cameras = imported.site.cameras.iter();
+    let doubts = cameras.filter_map(|entry| unlikely_pose(&entry.id, &entry.camera()?));
+    imported.notes.extend(doubts);
+}
+
 /// Describes an unlikely pose of an imported camera: close to the floor, far above it, below it, or upside down.
-pub(crate) fn unlikely_pose(id: &str, camera: &Camera) -> Option<String> {
+fn unlikely_pose(id: &str, camera: &Camera) -> Option<String> {
     /// Heights of a camera that are likely, in metres.
     const LIKELY_HEIGHTS_M: std::ops::RangeInclusive<f64> = 0.3..=60.0;
     let (height, id) = (camera.position.z, quoted(id));

@@ -13,7 +13,7 @@ use crate::file::File;
 use crate::file::{FormatError, Problem, quoted};
 use crate::given::{
     Imported, ImportedCamera, checked_site, control_point, decompose_projection, intrinsics_from_matrix,
-    site_with_notes, unlikely_pose,
+    note_unlikely_poses, site_with_notes,
 };
 use crate::input::Input;
 use crate::tree::{Node, Syntax, digits, pretty};
@@ -178,9 +178,7 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
     }
     rest.extend(unread_notes(files, |file| file.base() == "transforms.yml"));
     let mut imported = site_with_notes(given, rest, files, &files[0].name)?;
-    let cameras = imported.site.cameras.iter();
-    let doubts = cameras.filter_map(|entry| unlikely_pose(&entry.id, &entry.camera()?)).collect::<Vec<_>>();
-    imported.notes.extend(doubts);
+    note_unlikely_poses(&mut imported);
     Ok(imported)
 }
 

@@ -8,7 +8,9 @@ use crate::export::{Export, Scene};
 use crate::file::File;
 use crate::file::{FormatError, Problem};
 use crate::fisheye::{from_rodrigues, rodrigues};
-use crate::given::{Imported, ImportedCamera, Pose, intrinsics_from_matrix, site_with_notes, unlikely_pose};
+use crate::given::{
+    Imported, ImportedCamera, Pose, intrinsics_from_matrix, note_unlikely_poses, site_with_notes,
+};
 use crate::input::Input;
 use crate::lens_keys::{distortion, refuse_unknown_distortion};
 use crate::opencv::matrix_xml;
@@ -65,9 +67,7 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
     if files.unit_m().is_none() {
         imported.notes.push("translations are read as centimetres; use --unit m for metres".into());
     }
-    let cameras = imported.site.cameras.iter();
-    let doubts = cameras.filter_map(|entry| unlikely_pose(&entry.id, &entry.camera()?)).collect::<Vec<_>>();
-    imported.notes.extend(doubts);
+    note_unlikely_poses(&mut imported);
     Ok(imported)
 }
 

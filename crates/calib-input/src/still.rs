@@ -256,18 +256,21 @@ fn stretch(image: &image::ImageBuffer<Rgb<u16>, Vec<u16>>) -> RgbImage {
 /// Name of the formats of videos.
 const VIDEO: &str = "a video";
 
+/// Returns the brand of an ISO media file, such as an HEIC image or an MP4 video.
+fn brand(bytes: &[u8]) -> Option<&[u8]> {
+    bytes.get(4..12).and_then(|head| head.strip_prefix(b"ftyp"))
+}
+
 /// Whether a file is an HEIC image, by its first bytes.
 fn is_heic(bytes: &[u8]) -> bool {
-    let brand = bytes.get(4..12).and_then(|head| head.strip_prefix(b"ftyp"));
-    matches!(brand, Some(b"heic" | b"heix" | b"hevc" | b"heim" | b"heis" | b"mif1" | b"msf1"))
+    matches!(brand(bytes), Some(b"heic" | b"heix" | b"hevc" | b"heim" | b"heis" | b"mif1" | b"msf1"))
 }
 
 /// Returns the name of a format that is not read, and advice, from the first bytes.
 fn unsupported(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
     const SAVE: &str = "save it as JPEG or PNG";
     const FRAME: &str = "save one frame of it, for example with `calib still VIDEO -o still.png`";
-    let brand = bytes.get(4..12).and_then(|head| head.strip_prefix(b"ftyp"));
-    match (bytes, brand) {
+    match (bytes, brand(bytes)) {
         _ if is_heic(bytes) && cfg!(feature = "heic") => None,
         _ if is_heic(bytes) => Some((
             "an HEIC image",
