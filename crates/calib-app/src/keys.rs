@@ -102,25 +102,12 @@ pub(crate) fn shown_hint<'a>(ctx: &Context, text: &'a str) -> &'a str {
     if are_shown(ctx) { text } else { bare }
 }
 
-/// Returns a label without its keys, if key hints are hidden. Keys are in parentheses at the end, or follow spaces.
+/// Returns a label or a text for this device: with Cmd instead of Ctrl on a Mac, and without its keys if key hints are
+/// hidden. Keys are in parentheses, or follow spaces.
 #[must_use]
-pub(crate) fn shown<'a>(ctx: &Context, text: &'a str) -> &'a str {
-    if are_shown(ctx) {
-        return text;
-    }
-    let text = shown_hint(ctx, text);
-    match text.rsplit_once(" (") {
-        Some((label, keys)) if keys.ends_with(')') => label,
-        _ => text,
-    }
-}
-
-/// Returns a text for this device: with Cmd instead of Ctrl on a Mac, and without keys in parentheses if key hints are
-/// hidden.
-#[must_use]
-pub(crate) fn sentence(ctx: &Context, text: &str) -> String {
+pub(crate) fn shown(ctx: &Context, text: &str) -> String {
     use egui::os::OperatingSystem::{IOS, Mac};
-    let text = if are_shown(ctx) { text.to_owned() } else { without_keys(text) };
+    let text = if are_shown(ctx) { text.to_owned() } else { without_keys(shown_hint(ctx, text)) };
     if matches!(ctx.os(), Mac | IOS) { text.replace("Ctrl+", "Cmd+") } else { text }
 }
 

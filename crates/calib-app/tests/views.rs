@@ -518,8 +518,8 @@ fn hall_dxf(unit: i32) -> String {
     )
 }
 
-#[test]
-fn dxf_plan_has_its_scale_layers_and_corners() {
+/// Shows the plan of the hall in metres.
+fn hall_in_metres() -> (Scratch, Desk) {
     let scratch = Scratch::new();
     scratch.write("hall.dxf", hall_dxf(6));
     let mut desk = Desk::new(demo());
@@ -528,6 +528,12 @@ fn dxf_plan_has_its_scale_layers_and_corners() {
     desk.wait(|app| app.editor.site().plan.as_ref().is_some_and(|plan| plan.metres_per_px == 0.005));
     desk.key(Key::Num2);
     desk.wait(|app| app.plan_picture().is_some());
+    (scratch, desk)
+}
+
+#[test]
+fn dxf_plan_has_its_scale_layers_and_corners() {
+    let (_scratch, mut desk) = hall_in_metres();
     // The origin of the drawing is world (0, 0).
     let corner = desk.site().plan.as_ref().unwrap().scale().plan_from_floor([20.0, 12.0].into());
     let drawing = desk.app().plan_picture().unwrap().drawing.clone().unwrap();
@@ -559,14 +565,7 @@ fn dxf_plan_has_its_scale_layers_and_corners() {
 
 #[test]
 fn dxf_plan_is_sharp_at_every_zoom() {
-    let scratch = Scratch::new();
-    scratch.write("hall.dxf", hall_dxf(6));
-    let mut desk = Desk::new(demo());
-    let ctx = desk.harness.ctx.clone();
-    desk.app().open_paths(&ctx, [scratch.path("hall.dxf")]);
-    desk.wait(|app| app.editor.site().plan.as_ref().is_some_and(|plan| plan.metres_per_px == 0.005));
-    desk.key(Key::Num2);
-    desk.wait(|app| app.plan_picture().is_some());
+    let (_scratch, mut desk) = hall_in_metres();
     desk.harness.run_steps(20);
     assert_eq!(desk.app().plan_picture().unwrap().sharp_part(), None);
     desk.app().view.panes.active = Some((Place::Main, Pane::Plan));

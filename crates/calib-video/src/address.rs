@@ -29,7 +29,7 @@ pub struct SnapshotOptions {
     pub credentials: Option<Credentials>,
     /// Maximum time.
     pub timeout: Duration,
-    /// Whether an HTTPS certificate is accepted that no authority has signed.
+    /// Whether any HTTPS certificate is accepted, without verification.
     pub accepts_any_certificate: bool,
 }
 

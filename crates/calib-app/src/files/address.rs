@@ -1,6 +1,5 @@
 //! Sheet that adds an image from the address of a camera.
 
-use calib_editor::Action;
 use egui::text_edit::TextEditState;
 use egui::{Align2, Button, Context, Grid, Id, Key, RichText, ScrollArea, TextEdit, Ui, Vec2, Window};
 
@@ -13,10 +12,7 @@ pub(crate) fn address_ui(app: &mut App, ctx: &Context) {
     let Some(mut sheet) = app.dialogs.address.take() else { return };
     if let Some((file, pixel_aspect)) = sheet.poll(app, ctx) {
         if app.editor.session().path.is_some() && file.path.is_none() {
-            app.act(Action::AddError(format!(
-                "{} could not be written to the folder of the site. The site contains the image instead.",
-                file.name
-            )));
+            app.report_unwritten(&file, "site");
         }
         app.add_named_still(ctx, file, sheet.name(), pixel_aspect);
         return;
@@ -52,8 +48,8 @@ fn sheet_ui(sheet: &mut AddressSheet, app: &App, ui: &mut Ui) -> bool {
     }
     ui.label(RichText::new("Image from the address of a camera").font(theme::medium(13.0)));
     let mut is_entered = false;
-    let is_reading = sheet.reading.is_some();
-    ui.add_enabled_ui(!is_reading, |ui| {
+    let is_waiting = sheet.request.is_some();
+    ui.add_enabled_ui(!is_waiting, |ui| {
         let hints =
             ["http://192.168.1.10/snapshot.jpg, or rtsp://\u{2026}", "", "", "the host of the address"];
         Grid::new("address").num_columns(2).spacing([12.0, 6.0]).show(ui, |ui| {
@@ -67,7 +63,7 @@ fn sheet_ui(sheet: &mut AddressSheet, app: &App, ui: &mut Ui) -> bool {
         if sheet.address.trim_start().to_ascii_lowercase().starts_with("https") {
             let text = "Accept any certificate";
             ui.checkbox(&mut sheet.accepts_any_certificate, text).on_hover_text(
-                "Cameras often have certificates that no authority has signed. Without this check, anyone in the network could pose as the camera.",
+                "Cameras often have certificates that no authority has signed. With this option, anyone in the network can pose as the camera.",
             );
         }
     });
@@ -85,8 +81,8 @@ fn sheet_ui(sheet: &mut AddressSheet, app: &App, ui: &mut Ui) -> bool {
     let mut is_open = true;
     ui.horizontal(|ui| {
         let has_address = sheet.address.contains("://");
-        let button = ui.add_enabled(has_address && !is_reading, Button::new("Get the image"));
-        let hint = match is_reading {
+        let button = ui.add_enabled(has_address && !is_waiting, Button::new("Get the image"));
+        let hint = match is_waiting {
             true => "Waiting for the camera",
             false => "Enter an address that begins with http://, https:// or rtsp://",
         };
@@ -94,7 +90,7 @@ fn sheet_ui(sheet: &mut AddressSheet, app: &App, ui: &mut Ui) -> bool {
             sheet.read(ui.ctx());
         }
         is_open = !ui.button("Cancel").clicked();
-        if is_reading {
+        if is_waiting {
             ui.spinner();
             ui.label("Waiting for the camera\u{2026}");
         }

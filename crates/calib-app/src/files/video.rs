@@ -32,16 +32,21 @@ impl App {
         }
     }
 
+    /// Reports an image that could not be written to the folder of the site or of the video.
+    pub(crate) fn report_unwritten(&mut self, file: &Chosen, folder_of: &str) {
+        self.act(Action::AddError(format!(
+            "{} could not be written to the folder of the {folder_of}. The site contains the image instead.",
+            file.name
+        )));
+    }
+
     /// Adds the saved image of a video as a camera, or compares it if its name says that it is a newer image.
     fn add_frame(&mut self, ctx: &Context, sheet: &VideoSheet, image: Chosen) {
         let mut files = vec![image];
         self.take_newer(ctx, &mut files);
         for file in files {
             if Here::HAS_FOLDERS && file.path.is_none() {
-                let name = &file.name;
-                self.act(Action::AddError(format!(
-                    "{name} could not be written to the folder of the video. The site contains the image instead."
-                )));
+                self.report_unwritten(&file, "video");
             }
             self.add_video_still(ctx, file, sheet.pixel_aspect);
         }

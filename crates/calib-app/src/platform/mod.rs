@@ -76,7 +76,7 @@ pub(crate) struct SnapshotRequest {
     /// Name of the user; empty: none.
     pub(crate) user: String,
     pub(crate) password: String,
-    /// Whether an HTTPS certificate is accepted that no authority has signed.
+    /// Whether any HTTPS certificate is accepted, without verification.
     pub(crate) accepts_any_certificate: bool,
 }
 

@@ -32,7 +32,7 @@ pub fn above_ui(app: &mut App, ui: &mut Ui) {
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             let look = Look { size: Vec2::splat(20.0), ..Look::default() };
             hide =
-                icons::button(ui, Icon::Close, "Hide the top view", keys::shown(ui.ctx(), "Hide (Y)"), look)
+                icons::button(ui, Icon::Close, "Hide the top view", &keys::shown(ui.ctx(), "Hide (Y)"), look)
                     .clicked();
         });
     });

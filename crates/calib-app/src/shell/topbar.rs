@@ -141,7 +141,7 @@ fn right(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
         }
     };
     button(ui, Icon::Sun, "Switch between light and dark theme", Command::Theme, None);
-    button(ui, Icon::Search, keys::shown(ui.ctx(), "Commands (Ctrl+K)"), Command::Palette, None);
+    button(ui, Icon::Search, &keys::shown(ui.ctx(), "Commands (Ctrl+K)"), Command::Palette, None);
     let paused = app.editor.session().solved.paused;
     let icon = if paused { Icon::Play } else { Icon::Pause };
     button(ui, icon, "Pause solving", Command::Pause, Some(paused));

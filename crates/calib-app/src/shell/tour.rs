@@ -45,12 +45,12 @@ fn step(app: &App, ui: &mut Ui, index: usize, open: &str) -> Option<StripRequest
         let count = format!("Step {} of {}", index + 1, STEPS.len());
         ui.label(RichText::new(count).small().color(palette.accent));
         ui.label(RichText::new(step.title).font(theme::medium(13.0)));
-        ui.label(RichText::new(keys::sentence(ui.ctx(), open)).color(palette.warn));
+        ui.label(RichText::new(keys::shown(ui.ctx(), open)).color(palette.warn));
     });
-    ui.add(egui::Label::new(RichText::new(keys::sentence(ui.ctx(), step.text)).color(palette.text2)).wrap());
+    ui.add(egui::Label::new(RichText::new(keys::shown(ui.ctx(), step.text)).color(palette.text2)).wrap());
     ui.horizontal_wrapped(|ui| {
         for (text, button) in step.buttons {
-            let text = keys::sentence(ui.ctx(), text);
+            let text = keys::shown(ui.ctx(), text);
             let text = RichText::new(text).font(theme::medium(12.0)).color(palette.bg);
             if ui.add(egui::Button::new(text).fill(palette.accent)).clicked() {
                 request = Some(StripRequest::Run(button.command()));
@@ -73,7 +73,7 @@ fn end(ui: &mut Ui) -> Option<StripRequest> {
     let text = "To calibrate your own cameras, add one image of each, and a floor plan if you have one. \
                 Draw the same kinds of lines on each image, and place each camera on the plan. \
                 Link points that two views share (K), then refine (F9) and save (Ctrl+S).";
-    ui.add(egui::Label::new(RichText::new(keys::sentence(ui.ctx(), text)).color(palette.text2)).wrap());
+    ui.add(egui::Label::new(RichText::new(keys::shown(ui.ctx(), text)).color(palette.text2)).wrap());
     ui.horizontal_wrapped(|ui| {
         let text = RichText::new("New site").font(theme::medium(12.0)).color(palette.bg);
         if ui.add(egui::Button::new(text).fill(palette.accent)).clicked() {

@@ -3,7 +3,7 @@
 use egui::Context;
 
 use crate::choice::Chosen;
-use crate::platform::{Here, Platform as _, SnapshotRequest, Task};
+use crate::platform::{Here, Platform as _, SnapshotFile, SnapshotRequest, Task};
 use crate::state::App;
 use crate::state::video::save_image;
 
@@ -18,19 +18,19 @@ pub(crate) struct AddressSheet {
     pub(crate) camera: String,
     /// Whether the sheet was shown before.
     pub(crate) is_shown: bool,
-    /// Reading that is running.
-    pub(crate) reading: Option<Reading>,
+    /// Current step of a running request.
+    pub(crate) request: Option<SnapshotStep>,
     pub(crate) error: Option<String>,
 }
 
-/// Steps of the reading of an address.
-pub(crate) enum Reading {
-    /// The camera is asked.
-    Asking(Task<Result<crate::platform::SnapshotFile, String>>),
-    /// The image is written to the folder of the site.
+/// Step of a running request to a camera.
+pub(crate) enum SnapshotStep {
+    /// Waiting for the image.
+    Asking(Task<Result<SnapshotFile, String>>),
+    /// Writing the image to the folder of the site.
     Saving {
-        /// Saved image.
         task: Task<Chosen>,
+        /// Pixel aspect that the video states; 1 for images.
         pixel_aspect: f64,
     },
 }
@@ -44,14 +44,14 @@ impl std::fmt::Debug for AddressSheet {
 impl AddressSheet {
     /// Starts reading the image.
     pub(crate) fn read(&mut self, ctx: &Context) {
-        let request = SnapshotRequest {
+        let asked = SnapshotRequest {
             address: self.address.trim().to_owned(),
             user: self.user.clone(),
             password: self.password.clone(),
             accepts_any_certificate: self.accepts_any_certificate,
         };
         self.error = None;
-        self.reading = Some(Reading::Asking(Here::snapshot(ctx, request)));
+        self.request = Some(SnapshotStep::Asking(Here::snapshot(ctx, asked)));
     }
 
     /// Returns the name of the new camera: the typed name, or the host of the address.
@@ -60,11 +60,11 @@ impl AddressSheet {
         if typed.is_empty() { host(&self.address).to_owned() } else { typed.to_owned() }
     }
 
-    /// Takes the next step of a running reading. Returns the image and its pixel aspect once it is saved.
+    /// Continues a running request. Returns the image and its pixel aspect once it is saved.
     pub(crate) fn poll(&mut self, app: &App, ctx: &Context) -> Option<(Chosen, f64)> {
-        match self.reading.take()? {
-            Reading::Asking(task) => match task.outcome() {
-                None => self.reading = Some(Reading::Asking(task)),
+        match self.request.take()? {
+            SnapshotStep::Asking(task) => match task.outcome() {
+                None => self.request = Some(SnapshotStep::Asking(task)),
                 Some(Ok(Ok(found))) => {
                     let safe = |c: char| if c.is_alphanumeric() || "-_. ".contains(c) { c } else { '-' };
                     let name: String = self.name().chars().map(safe).collect();
@@ -72,13 +72,13 @@ impl AddressSheet {
                     let (ending, bytes, pixel_aspect) = (found.ending, found.bytes, found.pixel_aspect);
                     let save =
                         move || save_image(neighbour.as_deref(), name.trim_start_matches('.'), ending, bytes);
-                    self.reading = Some(Reading::Saving { task: Task::spawn(ctx, save), pixel_aspect });
+                    self.request = Some(SnapshotStep::Saving { task: Task::spawn(ctx, save), pixel_aspect });
                 }
                 Some(Ok(Err(error))) => self.error = Some(error),
                 Some(Err(_)) => self.error = Some("Internal error; please report this.".into()),
             },
-            Reading::Saving { task, pixel_aspect } => match task.poll() {
-                None => self.reading = Some(Reading::Saving { task, pixel_aspect }),
+            SnapshotStep::Saving { task, pixel_aspect } => match task.poll() {
+                None => self.request = Some(SnapshotStep::Saving { task, pixel_aspect }),
                 Some(file) => return Some((file, pixel_aspect)),
             },
         }
