@@ -376,10 +376,9 @@ fn a_known_roll_finds_cameras_upside_down_and_on_their_side() {
         (90.0, image::imageops::rotate270(&image)),
     ];
     for (roll, image) in turned {
-        let still = EdgeImage {
-            roll_deg: Some(Known::prior(roll, 5.0)),
-            ..EdgeImage::new(line_segments(&image), image.dimensions().into())
-        };
+        let known = LensEntry { roll_deg: Some(Known::prior(roll, 5.0)), ..LensEntry::default() };
+        let edges = EdgeImage::new(line_segments(&image), image.dimensions().into());
+        let still = EdgeImage { known, ..edges };
         let found = AutomaticCalibration::new(&still);
         assert_eq!(found.confidence, upright.confidence, "{roll}: {:?}", found.reasons);
         let solution = found.solution.as_ref().unwrap();
@@ -402,10 +401,8 @@ fn a_known_roll_finds_cameras_upside_down_and_on_their_side() {
         assert!(drawn.clone().count() > 10 && drawn.clone().all(inside));
     }
     // A wrong roll is not accepted without a doubt.
-    let wrong = EdgeImage {
-        roll_deg: Some(Known::prior(180.0, 5.0)),
-        ..EdgeImage::new(line_segments(&image), entry.size_px)
-    };
+    let known = LensEntry { roll_deg: Some(Known::prior(180.0, 5.0)), ..LensEntry::default() };
+    let wrong = EdgeImage { known, ..EdgeImage::new(line_segments(&image), entry.size_px) };
     let found = AutomaticCalibration::new(&wrong);
     let is_doubted = found.reasons.iter().any(|reason| matches!(reason, Reason::MayBeUpsideDown { .. }));
     assert!(found.confidence != Confidence::Sure && is_doubted, "{:?}", found.reasons);

@@ -176,9 +176,8 @@ fn calibrate_image(path: PathBuf, args: &Args) -> Result<ImageCalibration, Comma
     let image_circle = image_circle(&image);
     let ImageEdges { segments, bars } = ImageEdges::measure(&image);
     let known = args.known_lens(size)?;
-    let still = EdgeImage { roll_deg: known.roll_deg, ..EdgeImage::new(segments, size).with_bars(bars) };
-    let lens = LensEntry { roll_deg: None, ..known.clone() };
-    let proposal = AutomaticCalibration::new(&EdgeImage { image_circle, known: lens, ..still });
+    let edges = EdgeImage::new(segments, size).with_bars(bars);
+    let proposal = AutomaticCalibration::new(&EdgeImage { image_circle, known: known.clone(), ..edges });
     let is_accepted = args.accept.accepts(&proposal);
     Ok(ImageCalibration { path, size, known, image_circle, bars, calibration: proposal, is_accepted })
 }

@@ -117,7 +117,7 @@ fn check_position(at: &At, position: &SurveyedPosition, site: &Site) -> Checked 
         }
         if position.geographic(system.as_ref()).is_none() {
             let expected = "easting and northing of a point within the grid; check whether they are \
-                            exchanged";
+                            swapped";
             return at.expected(format!("{}, {}", grid[0], grid[1]), expected);
         }
         return Ok(());
@@ -129,7 +129,7 @@ fn check_position(at: &At, position: &SurveyedPosition, site: &Site) -> Checked 
     Bounds::DEGREES.check(&at.key("lon_deg"), lon_deg)
 }
 
-/// Checks that a geographic point is at most [`MAX_DISTANCE_M`] from the site. If exchanged coordinates or a wrong
+/// Checks that a geographic point is at most [`MAX_DISTANCE_M`] from the site. If swapped coordinates or a wrong
 /// sign explains the distance, the error names this cause.
 fn check_distance(at: &At, point: Geographic, site: &Site) -> Checked {
     let Some(reference) = site.geographic_reference() else { return Ok(()) };
@@ -146,7 +146,7 @@ fn check_distance(at: &At, point: Geographic, site: &Site) -> Checked {
     let others = [
         (
             distance(lon, lat),
-            "a point near the first point; latitude and longitude seem to be exchanged, here or in the first point",
+            "a point near the first point; latitude and longitude seem to be swapped, here or in the first point",
         ),
         (
             distance(lat, -lon),

@@ -439,7 +439,7 @@ document! {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         focal_px: Option<Known>,
         /// Horizontal field of view of the image, distortion included, in degrees. A bare number has a
-        /// tolerance of 3 %.
+        /// standard deviation of 3 %.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         hfov_deg: Option<Nominal>,
         /// Vertical field of view of the image, distortion included, in degrees.

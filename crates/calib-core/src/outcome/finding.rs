@@ -180,7 +180,7 @@ pub enum Finding {
         entered: Pixel,
         /// Principal point that explains the lines, in raw pixels.
         estimated: Pixel,
-        /// Whether the entered coordinates are probably exchanged.
+        /// Whether the entered coordinates are probably swapped.
         is_exchanged: bool,
     },
     /// The estimated principal point is far from the image centre, as in a cropped image.

@@ -62,14 +62,12 @@ pub struct EdgeImage {
     pub segments: Vec<LineSegment>,
     /// Width and height, in pixels.
     pub size: [u32; 2],
-    /// Known values of the lens: focal length, data sheet, principal point and pixel aspect; other values are not used.
-    /// Without a principal point, it is the centre of the image circle, or near the centre of the picture. Without a
+    /// Known values: focal length, data sheet, principal point, pixel aspect and roll; other values are not used. The roll
+    /// decides between an upright camera and one that hangs upside down or on its side. Without a principal point, it is the centre of the image circle, or near the centre of the picture. Without a
     /// pixel aspect, pixels are assumed to be square.
     pub known: LensEntry,
     /// Black bars at the sides of the image.
     pub bars: Bars,
-    /// Roll, in degrees, if known. It decides between an upright camera and one that hangs upside down or on its side.
-    pub roll_deg: Option<Known>,
     /// Lens, if known; otherwise the distortion is estimated from the measured rises of the edges.
     pub lens: Option<Lens>,
     /// Image circle of a round image, in raw pixels; `None` if the scene fills the image.
@@ -166,7 +164,7 @@ impl AutomaticCalibration {
             ..SiteCamera::new(upright.id, image.size)
         };
         let distortion = upright.lens.and_then(|lens| lens.distortion);
-        camera.lens = Some(LensEntry { distortion, roll_deg: image.roll_deg, ..image.known_lens() });
+        camera.lens = Some(LensEntry { distortion, ..image.known_lens() });
         self.solution = self.solution.and_then(|_| solve_entry(&camera));
         if self.solution.is_none() {
             self.confidence = Confidence::None;
@@ -253,7 +251,7 @@ impl AutomaticCalibration {
             return proposal;
         }
         // An entered roll decides whether the camera lies on its side. It may be wrong if the camera looks up.
-        let is_open = |reason: &Reason| image.roll_deg.is_none() || *reason != Reason::MayLieOnItsSide;
+        let is_open = |reason: &Reason| image.known.roll_deg.is_none() || *reason != Reason::MayLieOnItsSide;
         let mount = doubtful_mount(best).filter(is_open);
         proposal.reasons.extend(image.doubts().into_iter().chain(mount));
         let scatter = Scatter::new(best, &grouping.others());
@@ -387,15 +385,7 @@ impl EdgeImage {
     /// Creates the input from the edges and the width and height of an image, in pixels; the lens is unknown.
     #[must_use]
     pub fn new(segments: Vec<LineSegment>, size: [u32; 2]) -> Self {
-        Self {
-            segments,
-            size,
-            known: LensEntry::default(),
-            bars: Bars::NONE,
-            roll_deg: None,
-            lens: None,
-            image_circle: None,
-        }
+        Self { segments, size, known: LensEntry::default(), bars: Bars::NONE, lens: None, image_circle: None }
     }
 
     /// Adds the bars of the image: edges of a bar are not used, and the principal point is near the centre of
@@ -413,9 +403,9 @@ impl EdgeImage {
     pub fn from_camera(camera: &SiteCamera, edges: ImageEdges) -> Self {
         let given = camera.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
         let is_known = given.is_some_and(|distortion| distortion.distortion().is_some());
+        let roll_deg = camera.lens.as_ref().and_then(|lens| lens.roll_deg);
         Self {
-            known: camera.known_lens(),
-            roll_deg: camera.lens.as_ref().and_then(|lens| lens.roll_deg),
+            known: LensEntry { roll_deg, ..camera.known_lens() },
             lens: is_known.then(|| camera.lens()),
             image_circle: camera.image_circle(),
             ..Self::new(edges.segments, camera.size_px).with_bars(edges.bars)
@@ -426,7 +416,7 @@ impl EdgeImage {
     /// near 0 or unknown, or if the lens cannot be rotated: without square pixels or with terms that are not symmetric
     /// about the axis.
     fn upright(&self) -> Option<(QuarterTurn, Self)> {
-        let turn = QuarterTurn::of_roll(self.roll_deg?.value, self.size);
+        let turn = QuarterTurn::of_roll(self.known.roll_deg?.value, self.size);
         // Round images without a lens are refused.
         if turn.is_none() || self.image_circle.is_some() && self.lens.is_none() {
             return None;
@@ -445,6 +435,10 @@ impl EdgeImage {
             focal_px: self.known_focal(&under),
             principal_point_px: self.known_centre().map(|entry| turn.principal_point(entry)),
             pixel_aspect: self.known.pixel_aspect,
+            roll_deg: self
+                .known
+                .roll_deg
+                .map(|roll| Known { value: roll.value - turn.angle().to_degrees(), ..roll }),
             ..LensEntry::default()
         };
         let upright = Self {
@@ -452,9 +446,6 @@ impl EdgeImage {
             size: turn.turned_size(),
             known,
             bars: turn.bars(self.bars),
-            roll_deg: self
-                .roll_deg
-                .map(|roll| Known { value: roll.value - turn.angle().to_degrees(), ..roll }),
             lens,
             // The centre of the circle is the principal point above.
             image_circle: None,
