@@ -187,7 +187,7 @@ pub(crate) fn steps_ui(app: &mut App, ui: &mut Ui) {
     if is_blank
         && waits
         && ui
-            .button(keys::shown(ui.ctx(), "Propose lines   Shift+P"))
+            .button(keys::shown(ui.ctx(), "Calibrate automatically   Shift+P"))
             .on_hover_text("Detect lines from the edges in the image")
             .clicked()
     {

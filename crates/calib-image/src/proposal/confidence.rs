@@ -95,7 +95,7 @@ impl fmt::Display for Reason {
                 write!(f, "only {found} straight edges were found; draw more lines by hand")
             }
             Self::RoundImage => f.write_str(
-                "the image is round (fisheye), and its lens is unknown; draw long straight edges by hand, then propose again",
+                "the image is round (fisheye), and its lens is unknown; draw long straight edges by hand, then try again",
             ),
             Self::NoDirections => {
                 f.write_str("the edges have no common directions; draw verticals and floor lines by hand")
@@ -121,7 +121,7 @@ impl fmt::Display for Reason {
             ),
             Self::PixelsNotSquare { aspect } => write!(
                 f,
-                "images of this size usually have pixels that are not square (aspect {aspect:.3}); enter lens.pixel_aspect, then propose again"
+                "images of this size usually have pixels that are not square (aspect {aspect:.3}); enter lens.pixel_aspect, then try again"
             ),
             Self::Bars { bars } => write!(
                 f,

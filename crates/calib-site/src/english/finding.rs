@@ -259,7 +259,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         }
         F::UncertainCorners { is_round, is_reached, .. } => extend_edges(*is_round, *is_reached),
         F::UnusedEdges { .. } => {
-            "To estimate the distortion from the edges, remove lens.distortion, or choose \"from straight edges\" in the app."
+            "To estimate the distortion from the edges, remove lens.distortion and lens.like, or choose \"from straight edges\" in the app."
         }
         F::UnusedKind { .. } => "Switch the annotation off, or use a method that supports it.",
         F::TooFewSegments { .. } => "Draw the missing segments.",
