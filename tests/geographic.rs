@@ -224,7 +224,7 @@ fn wrong_coordinates_are_named() {
     let message = refused(&|point| {
         (point["lat_deg"], point["lon_deg"]) = (point["lon_deg"].clone(), point["lat_deg"].clone());
     });
-    assert!(message.contains("control_points/3") && message.contains("exchanged"), "{message}");
+    assert!(message.contains("control_points/3") && message.contains("swapped"), "{message}");
     let message = refused(&|point| point["lon_deg"] = json!(-point["lon_deg"].as_f64().unwrap()));
     assert!(message.contains("longitude") && message.contains("sign"), "{message}");
     let message = refused(&|point| {

@@ -229,7 +229,10 @@ fn one_key_calibrates_and_places_all_cameras() {
     desk.wait(|app| !app.is_working());
     desk.harness.run_steps(3);
     let words = desk.words().join("\n");
-    assert!(words.contains("placed by colours: 3 of 4 cameras") && words.contains("not placed"), "{words}");
+    assert!(
+        words.contains("placed by matching colours: 3 of 4 cameras") && words.contains("not placed"),
+        "{words}"
+    );
     desk.app().act(Action::SelectCamera(0));
     desk.harness.run_steps(2);
     assert!(desk.words().join("\n").contains("placed automatically; check it"));

@@ -137,13 +137,16 @@ impl TableArgs {
             (None, None, [only]) => CameraSource::Only(only.id.clone()),
             (None, None, _) if first.is_none() => CameraSource::Column(String::new()),
             (None, None, _) => {
-                let what = "no camera column; name it with --camera-column, or give one camera with --camera";
+                let what = "the camera column is unknown; give its name with --camera-column, or choose one camera with --camera";
                 return Err(CommandError::invalid(name, what));
             }
         };
         let at = self.at_column.clone().or_else(|| usual(usual_at_column));
         if at.is_none() && first.is_some() {
-            return Err(CommandError::invalid(name, "no time column; name it with --at-column"));
+            return Err(CommandError::invalid(
+                name,
+                "the time column is unknown; give its name with --at-column",
+            ));
         }
         let at = at.unwrap_or_default();
         let at = Some(AtColumn::new(at, self.at_unit, Wording::Flags));

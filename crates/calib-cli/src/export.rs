@@ -93,7 +93,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
         files::print_message(note);
     }
     files::print_message(format_args!(
-        "{} contains: {}; it does not contain: {}",
+        "the {} export contains: {}; it does not contain: {}",
         format.name, format.contains, format.lacks
     ));
     if !export.unsolved.is_empty() {
@@ -151,11 +151,11 @@ fn check_losses(args: &Args, format: &Format, export: &Export) -> Result<(), Com
     let list: Vec<String> = export.losses.iter().map(|loss| format!("  {loss}")).collect();
     let list = list.join("\n");
     if args.allow_lossy {
-        files::print_message(format_args!("{} loses:\n{list}", format.name));
+        files::print_message(format_args!("the {} export loses:\n{list}", format.name));
         return Ok(());
     }
     Err(CommandError::Lossy(format!(
-        "{} would lose:\n{list}\nAdd --allow-lossy to export anyway.",
+        "the {} export would lose:\n{list}\nAdd --allow-lossy to export anyway.",
         format.name
     )))
 }

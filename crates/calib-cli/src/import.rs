@@ -50,7 +50,7 @@ pub(crate) fn merge(file: SiteFile, imported: Site, replaces: bool) -> Result<Si
     }
     merge_ground_points(&mut site, imported.ground_points, imported.crs, &path)?;
     site.check()
-        .map_err(|error| CommandError::invalid(&path, format!("is not valid after the merge: {error}")))?;
+        .map_err(|error| CommandError::invalid(&path, format!("not valid after the merge: {error}")))?;
     report_merge(&path, &added, &existing);
     Ok(site)
 }
@@ -89,8 +89,8 @@ fn report_merge(path: &str, added: &[String], replaced: &[String]) {
     }
 }
 
-/// Replaces the lens and the pose of a camera. Its annotations belong to an image of one size, so another
-/// size is refused.
+/// Replaces the lens of a camera, and its pose if the imported camera has one. Adds the imported control points.
+/// The annotations belong to an image of one size, so another size is refused.
 fn replace_camera(entry: &mut SiteCamera, camera: SiteCamera, path: &str) -> Result<(), CommandError> {
     if entry.size_px != camera.size_px {
         let ([w, h], [found_w, found_h]) = (entry.size_px, camera.size_px);

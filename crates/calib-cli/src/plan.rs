@@ -313,13 +313,13 @@ fn unknown_scale(read: &ReadPlan) -> String {
     match read.drawing.as_ref().map(|drawing| &drawing.facts) {
         Some(DrawingFacts { kind: DrawingKind::Pdf, scales_in_text, .. }) if !scales_in_text.is_empty() => {
             let scales: Vec<String> = scales_in_text.iter().map(|one| format!("1:{one}")).collect();
-            format!("--scale is missing: the page contains the scales {}; choose one", scales.join(", "))
+            format!("--scale is missing; choose from the scales on the page: {}", scales.join(", "))
         }
         Some(DrawingFacts { kind: DrawingKind::Pdf, .. }) => {
-            "--scale is missing: the page contains no scale; give one such as 1:100".into()
+            "--scale is missing: the page contains no scale; give one, such as 1:100".into()
         }
         Some(DrawingFacts { kind: DrawingKind::Dxf, .. }) => {
-            "--unit is missing: the drawing states no unit of length; give one such as mm".into()
+            "--unit is missing: the drawing states no unit of length; give one, such as mm".into()
         }
         _ => "--metres-per-px is missing: the file states no scale; measure the scale in the app".into(),
     }

@@ -372,7 +372,7 @@ fn check_all_accepted(site: &Site, results: &[ImageCalibration]) -> Result<(), C
     )))
 }
 
-/// Progress of a batch of images: a bar on a terminal, otherwise a message every 10 seconds.
+/// Progress of a batch of images: a bar on a terminal, otherwise at most one message every 10 seconds.
 struct BatchProgress {
     bar: ProgressBar,
     done: usize,

@@ -163,7 +163,7 @@ fn check_single_person(names: &[String], result: &WalkResult) -> Result<(), Comm
     };
     let Some(camera) = (0..names.len()).find(is_crowd) else { return Ok(()) };
     Err(CommandError::Invalid(format!(
-        "camera \"{}\" detected several people at once, {} times; keep only the rows of the person who walked",
+        "camera \"{}\" detected several people at once, at {} moments; keep only the rows of the person who walked",
         names[camera], result.crowded_moments[camera]
     )))
 }

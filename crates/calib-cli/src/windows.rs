@@ -144,7 +144,7 @@ pub(crate) fn run(
         CommandError::Usage("this lens does not allow a panorama; use --look or --quadrants".into())
     })?;
     if windows.len() > 1 && output.is_stdout() {
-        return Err(CommandError::Usage("several views cannot go to stdout: give -o FILE".into()));
+        return Err(CommandError::Usage("several views cannot be written to stdout; give -o FILE".into()));
     }
     let (lens, camera) = (&lens, camera.as_ref());
     let views = windows

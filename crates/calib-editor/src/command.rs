@@ -139,7 +139,7 @@ commands! {
     Files {
         NewSite "New site" CTRL N;
         Demo "Open the demonstration site";
-        Tour "Start the tour of the demonstration";
+        Tour "Start the tour of the demonstration site";
         Open "Open\u{2026}" CTRL O;
         SaveAs "Save the site as\u{2026}" CTRL_SHIFT S;
         Save "Save the site" CTRL S;
@@ -242,7 +242,7 @@ commands! {
     }
     /// Switches of the display.
     Switch {
-        HideOverlays "Hide or show the overlays on the image" NONE H;
+        HideOverlays "Show or hide the overlays on the image" NONE H;
         Grid "Show or hide the floor grid" NONE G;
         Edges "Show or hide the detected edges" NONE I;
         Straighten "Show the image without distortion" NONE T;

@@ -271,7 +271,7 @@ impl Session {
         if !may && let Some(entry) = self.site.cameras.get(camera) {
             let id = &entry.id;
             self.note = Some(format!(
-                "The period of this calibration has ended. Add links and pins in the newest image of {id}."
+                "The period of this calibration has ended. Click links and marks in the newest image of {id}."
             ));
         }
         may

@@ -62,7 +62,7 @@ fn contradiction(session: &Session, camera: usize) -> Option<CameraStatus> {
     }
     let misfit = solution.warnings.iter().find(|warning| warning.code == Code::Misfit)?;
     let text = match (nonstraightness_px(session, camera), solution.chi2, solution.dof) {
-        (Some(px), ..) => format!("lines curved by {px:.0} px, lens not fitted"),
+        (Some(px), ..) => format!("lines curved by {px:.0} px, distortion not fitted"),
         // The misfit may not come from the lines alone, but from straight edges or from points of other
         // cameras.
         (None, Some(chi2), Some(dof)) if chi2 > 2.0 * dof as f64 => {
@@ -79,7 +79,7 @@ fn contradiction(session: &Session, camera: usize) -> Option<CameraStatus> {
 fn remaining_problem(session: &Session, camera: usize) -> Option<CameraStatus> {
     if let Some(px) = nonstraightness_px(session, camera) {
         return Some(CameraStatus::new(
-            format!("lines curved by {px:.0} px, lens not fitted"),
+            format!("lines curved by {px:.0} px, distortion not fitted"),
             StatusLevel::Incomplete,
         ));
     }

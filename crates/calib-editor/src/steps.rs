@@ -171,7 +171,7 @@ fn lens_state(session: &Session, camera: usize) -> (String, bool) {
     let is_vague = like.is_none() && solution.is_some_and(|solution| says_little(&solution.warnings));
     let drawn = counted(edges, "straight edge", "straight edges");
     if let Some(px) = nonstraightness_px(session, camera) {
-        return (format!("lines curved by {px:.0} px, lens not fitted"), false);
+        return (format!("lines curved by {px:.0} px, distortion not fitted"), false);
     }
     let from = match (like, distortion, edges) {
         (Some(like), ..) => format!("same lens as {like}"),

@@ -28,7 +28,7 @@ impl DrawingKind {
     /// Returns the type of a file from its first bytes; `None` if it is not a drawing.
     #[must_use]
     pub fn of(bytes: &[u8]) -> Option<Self> {
-        /// Number of bytes at the start of the file that are searched.
+        /// Length of the part of the file that is searched for signatures of file types, in bytes.
         const SEARCHED_BYTES: usize = 4096;
         let head = &bytes[..bytes.len().min(SEARCHED_BYTES)];
         let text = String::from_utf8_lossy(head);
@@ -177,7 +177,7 @@ pub(crate) fn has_layer(layers: &[Layer], name: &str) -> bool {
 /// Drawing that was read.
 #[derive(Clone, Debug)]
 pub struct Drawing {
-    /// Picture, on white.
+    /// Rendered drawing on a white background.
     pub picture: Picture,
     /// Properties.
     pub facts: DrawingFacts,

@@ -136,7 +136,7 @@ def test_swapped_coordinates_are_reported(entry: dict[str, object]) -> None:
     findings = calib.Site(calib.site_document([entry])).calibrate().findings
     found = [finding for finding in findings if finding.message.startswith("Points outside the image")]
     assert len(found) == 1 and found[0].severity in ("warning", "error"), findings
-    assert "5 of 16" in found[0].message and "With u and v swapped, all would be inside" in found[0].message
+    assert "5 of 16" in found[0].message and "With u and v swapped, all points would be inside" in found[0].message
     assert "swapped" in found[0].advice and "size_px" in found[0].advice
     assert not any("outside" in finding.message for finding in calib.Site(calib.site_document([door()])).calibrate().findings)
 

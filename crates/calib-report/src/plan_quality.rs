@@ -10,7 +10,7 @@ use calib_site::Site;
 use crate::style;
 use crate::svg::{Anchor, Stroke, Svg};
 
-/// Magnification of the errors of links and marks on the plan.
+/// Magnification of the errors of links and marks on the plan. Rejected observations are not magnified.
 const ERROR_MAGNIFICATION: f64 = 10.0;
 /// Semi-axis of a position ellipse before its magnification, in standard deviations.
 const ELLIPSE_SIGMAS: f64 = 2.0;

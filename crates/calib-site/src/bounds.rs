@@ -179,7 +179,10 @@ pub(crate) fn id(at: &At, text: Option<&String>) -> Checked {
     let Some(control) = text.into_iter().flat_map(|text| text.chars()).find(|c| c.is_control()) else {
         return Ok(());
     };
-    at.expected(format!("the control character {}", control.escape_unicode()), "an id of visible characters")
+    at.expected(
+        format!("the control character {}", control.escape_unicode()),
+        "an id without control characters",
+    )
 }
 
 /// Checks a number if it is present.
@@ -207,7 +210,7 @@ pub(crate) fn known(at: &At, known: Option<&Known>, bounds: Bounds) -> Checked {
 /// Checks that a list has at least `least` pixels with coordinates in range.
 pub(crate) fn pixels(at: &At, pixels: &[calib_core::camera::Pixel], least: usize) -> Checked {
     if pixels.len() < least {
-        return at.expected(format!("{} points", pixels.len()), format!("at least {least}"));
+        return at.expected(crate::counted(pixels.len(), "point", "points"), format!("at least {least}"));
     }
     count(at, pixels.len(), MAX_ITEMS)?;
     for (i, &pixel) in pixels.iter().enumerate() {

@@ -63,7 +63,7 @@ impl fmt::Display for MeasurementError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::TooFewPoints { least, found } => {
-                write!(f, "found {found} points, expected at least {least}")
+                write!(f, "too few points: found {found}, expected at least {least}")
             }
             Self::Camera { camera, why } => write!(f, "camera \"{camera}\": {why}"),
             Self::NotComparable { cameras: [a, b] } => write!(

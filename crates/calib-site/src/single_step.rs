@@ -177,8 +177,8 @@ impl Site {
         Ok(inputs.with_result(result, None))
     }
 
-    /// Runs stage 1 of a camera by maximum likelihood: from its lines, or from its control points where the
-    /// lines do not determine it.
+    /// Computes the single-camera solution (stage 1) of a camera by maximum likelihood, from its lines. If the
+    /// lines do not determine the camera, control points or a mark are used in addition or instead.
     fn fit_by_likelihood(
         &self,
         inputs: SingleInputs,

@@ -98,9 +98,9 @@ document! {
     struct CrossCovarianceEntry {
         /// Ids of the two cameras.
         cameras: [String; 2],
-        /// Names of the first camera's parameters with their units, as in its solution.
+        /// Names and units of the rows of `values`: the estimated parameters of the first camera, as in its solution.
         rows: Vec<String>,
-        /// Names of the second camera's parameters with their units, as in its solution.
+        /// Names and units of the columns of `values`: the estimated parameters of the second camera.
         columns: Vec<String>,
         /// Covariance matrix, row by row, in the units of the rows and columns.
         values: Vec<f64>,

@@ -70,7 +70,7 @@ impl SightingColumns {
     ) -> Result<Vec<Sighting>, TableError> {
         let times = calibrations.times(batch, rows.row_name, &self.bad)?;
         let Some(times) = times else {
-            let what = "no time column; name it with --at-column".into();
+            let what = "the time column is unknown; give its name with --at-column".into();
             return Err(TableError::Usage(what));
         };
         let choice = calibrations.choose_at(batch, Some(&times))?;

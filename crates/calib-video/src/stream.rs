@@ -105,7 +105,8 @@ impl Packet {
 }
 
 impl Stream {
-    /// Checks the packets: their number, and that decoding can start at the first one.
+    /// Removes the packets before the first key frame, and shifts the times so that they start at 0. Fails if
+    /// there are no packets, or more than [`MAX_FRAMES`].
     pub(crate) fn checked(mut self) -> Result<Self, VideoError> {
         if self.packets.len() > MAX_FRAMES {
             return Err(VideoError::TooManyFrames);

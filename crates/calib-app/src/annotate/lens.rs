@@ -13,7 +13,7 @@ use crate::state::App;
 use crate::theme;
 use crate::widgets::heading;
 
-/// Distortion coefficients that are fitted by default.
+/// Distortion coefficients that the button "Fit k1, k2" and the menu entry "fit k1 and k2" estimate.
 const DEFAULT_COEFFICIENTS: [Coefficient; 2] = [Coefficient::K1, Coefficient::K2];
 
 /// Source of the current camera's distortion coefficients.

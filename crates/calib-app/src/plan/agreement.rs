@@ -79,7 +79,7 @@ fn row(app: &App, ui: &mut Ui, found: &Agreement) {
     let sigma = found.distance.and_then(|apart| apart.sigma);
     if let Some(sigma) = sigma {
         response.on_hover_text(format!(
-            "\u{b1} {} from the uncertainty of both cameras",
+            "\u{b1} {} due to the uncertainty of both cameras",
             units.short_length(sigma)
         ));
     }

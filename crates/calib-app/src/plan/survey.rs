@@ -103,8 +103,8 @@ fn limits_ui(app: &mut App, ui: &mut Ui) {
                 }
             });
         }
-        if limits != LevelLimits::default() && ui.button("Use the limits of EN 62676-4").clicked() {
-            change(app, "use the limits of EN 62676-4".into(), |site| site.level_px_per_m = None);
+        if limits != LevelLimits::default() && ui.button("Reset to the EN 62676-4 limits").clicked() {
+            change(app, "reset the pixel density limits".into(), |site| site.level_px_per_m = None);
         }
         if let Some((level, limit)) = changed {
             let mut limits = limits;

@@ -93,7 +93,7 @@ pub(crate) struct SnapshotFile {
 /// Frames to read from a video.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum FrameRequest {
-    /// This number of small frames, evenly spaced.
+    /// This number of small frames, evenly spaced over the video. Their longer side has [`Self::SMALL_SIDE`] pixels.
     Strip(usize),
     /// Frame that is shown at this time, in seconds.
     At(f64),

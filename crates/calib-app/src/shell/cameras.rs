@@ -208,7 +208,8 @@ fn words(app: &App, ui: &Ui, camera: usize, rect: Rect, thumb: Rect) {
     clip.galley(egui::pos2(left, rect.top() + 23.0), galley, colour);
 }
 
-/// Returns the status of a camera as text, with its colour. A change in its newest image has priority.
+/// Returns the status of a camera as text, with its colour. A change in its newest image has priority, then the
+/// end of its validity.
 fn about(app: &App, camera: usize, palette: &Palette) -> (String, Color32) {
     let changed = app.editor.newer(camera).filter(|newer| newer.comparison.change != CameraChange::Unchanged);
     if let Some(newer) = changed {

@@ -212,7 +212,7 @@ fn about(app: &mut App, ctx: &Context) {
         .show(ctx, |ui| {
             ui.label(RichText::new("calib").font(theme::medium(22.0)));
             ui.label(format!("Version {}. Licensed under MIT or Apache-2.0.", env!("CARGO_PKG_VERSION")));
-            ui.label("The method is that of A. Abramov, \u{201c}Two-Stage Camera Calibration Method for Multi-Camera Systems Using Scene Geometry\u{201d}.");
+            ui.label("The method extends A. Abramov, \u{201c}Two-Stage Camera Calibration Method for Multi-Camera Systems Using Scene Geometry\u{201d}.");
             ui.label("Images never leave this machine.");
             ui.separator();
             ui.label("Font: IBM Plex Sans, \u{a9} 2017 IBM Corp., SIL Open Font License 1.1.");

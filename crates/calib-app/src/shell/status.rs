@@ -56,7 +56,7 @@ pub(crate) fn status_ui(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// Returns the hint for the keys that accept or discard the automatic calibration.
+/// Returns the hint for the selected detected line, or for accepting or discarding the automatic calibration.
 fn proposal_hint(app: &App, ui: &Ui) -> Option<String> {
     let proposed =
         app.shown_proposal().filter(|_| app.editor.tool_row() == 0 && app.editor.tool().is_idle())?;

@@ -195,7 +195,7 @@ const fn state(app: &App, command: Command) -> (&'static str, bool, &'static str
         Command::Prism => {
             ("Prism", app.view.layers.prism, "Vertical walls on the border of the field of view")
         }
-        Command::Guide => ("Guide", app.view.layers.guide, "A person of 1.75 m at the pointer"),
+        Command::Guide => ("Guide", app.view.layers.guide, "A 1.75 m tall person at the pointer"),
         Command::Straighten => ("Straighten", app.view.layers.straight, "Image without its distortion"),
         Command::NextWindow => (
             "Window",

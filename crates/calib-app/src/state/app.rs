@@ -102,7 +102,7 @@ type OpenField = (Option<usize>, RequestedField);
 pub(crate) struct AnnouncedResult {
     /// Index of the camera.
     pub(crate) camera: Option<usize>,
-    /// Result as a sentence.
+    /// Announced sentence: id, status and floor error of the camera.
     pub(crate) result: String,
     /// Time of the announcement, on the clock of egui in seconds.
     pub(crate) since: f64,
@@ -489,8 +489,9 @@ impl App {
         self.view.panes.views.insert(key, View::of(low, high, mapping.rect, false, false));
     }
 
-    /// Returns the detected edge within `radius` raw pixels of a pixel in a camera's image, while a line tool
-    /// is active.
+    /// Returns the edge at a pixel of a camera's image, while edges are shown and a tool for lines or uprights is
+    /// active. It is a suggested edge within twice `radius`, otherwise a detected edge within `radius`. `radius` is in
+    /// raw pixels.
     pub fn edge_under_pointer(
         &mut self,
         ctx: &Context,
@@ -576,8 +577,8 @@ impl App {
         EllipseSize { is_magnified: self.view.magnified }
     }
 
-    /// Returns the annotation that is suggested next for the current camera. `None` without a suggestion, if the
-    /// layer is hidden, or if the floor error of the camera is already small.
+    /// Returns the annotation that is suggested next for the current camera. `None` without a suggestion, or if the
+    /// layer is hidden. If the floor error of the camera is already small, only a known size is suggested.
     #[must_use]
     pub fn proposal(&self) -> Option<&SuggestionEntry> {
         /// Relative floor error below which no more lines are suggested.

@@ -89,7 +89,7 @@ pub const STEPS: [TourStep; 9] = [
     },
     TourStep {
         title: "Link a point that two views show",
-        text: "Click a sharp point in the first view, such as a corner of a tile. Then click the same point in \
+        text: "Click a distinct point in the first view, such as the corner of a tile. Then click the same point in \
                another view, on the yellow line.",
         buttons: &[
             ("All cameras (3)", TourButton::Command(Command::ViewAll)),

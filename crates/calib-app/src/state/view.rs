@@ -306,7 +306,7 @@ pub enum Order {
 /// Filter and order of the camera list.
 #[derive(Clone, Debug, Default)]
 pub struct List {
-    /// Text that the names of shown cameras contain.
+    /// Filter of the list: only cameras whose ids contain this text are shown. Case is ignored.
     pub filter: String,
     /// Whether finished cameras are hidden.
     pub unfinished: bool,

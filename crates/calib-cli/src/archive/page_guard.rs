@@ -94,7 +94,7 @@ impl Chunk {
     fn check(&self, at: u64, head: &[u8]) -> Result<()> {
         let header = || {
             PageHeader::parse(head).ok_or_else(|| {
-                ParquetError::General("the header of a page does not start with its sizes".into())
+                ParquetError::General("a page header is damaged: the sizes of the page are missing".into())
             })
         };
         if self.codec != Compression::UNCOMPRESSED {

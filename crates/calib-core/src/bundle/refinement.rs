@@ -211,7 +211,7 @@ pub(crate) struct Refined {
     pub(crate) residuals: Vec<(ResidualKind, f64)>,
     /// Nuisance parameters of stage 1 (directions and lengths) of every view.
     pub(crate) nuisances: Vec<Vec<f64>>,
-    /// Estimated planes.
+    /// Estimate of every plane of the problem; `None` for a plane that is fixed or has no covariance.
     pub(crate) planes: Vec<Option<PlaneEstimate>>,
     /// Cross-covariances of correlated cameras.
     pub(crate) pairs: Vec<([usize; 2], CrossCovariance)>,

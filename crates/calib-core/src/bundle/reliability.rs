@@ -195,7 +195,7 @@ impl Network<'_, '_> {
 /// Largest undetected move of a floor by an error of one observation.
 #[derive(Clone, Copy, Debug)]
 struct Undetected {
-    /// Length of the move, in metres.
+    /// Root mean square displacement of the floor, in metres.
     length: f64,
     /// Redundancy number of the error in its direction.
     redundancy: f64,
@@ -235,8 +235,9 @@ impl Undetected {
     }
 }
 
-/// Returns the matrix W of a view: the mean of `F'F` over a grid of pixels that show the floor at less than
-/// five camera heights, for the parameters of the state.
+/// Returns the matrix W of a view, for the parameters of the state. W is the mean of `F'F` over a grid of pixels.
+/// F is the Jacobian of the floor point at a pixel with respect to the camera parameters. Pixels whose floor
+/// point is farther away than five camera heights are ignored.
 fn floor_weight(converged: &Converged, view: usize) -> DMatrix<f64> {
     /// Number of grid pixels per side.
     const PER_SIDE: usize = 5;

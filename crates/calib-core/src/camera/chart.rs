@@ -224,8 +224,8 @@ mod tests {
             k in [-0.03..0.03_f64, -0.005..0.005_f64], at in [100.0..1900.0_f64, 100.0..1900.0_f64],
             off in [-400.0..400.0_f64, -400.0..400.0_f64], aspect in 0.8..1.25_f64,
         ) {
-            /// Steps of k1 to k4, of the log of the focal length, of u and v of the principal point, and of the
-            /// pixel aspect.
+            /// Steps of the finite differences with respect to the lens parameters. Their order is k1 to k4, log focal
+            /// length, principal point u and v (pixels), pixel aspect.
             const STEPS: [f64; Lens::PARAMETERS] = [1e-7, 1e-8, 1e-8, 1e-9, 1e-5, 1e-3, 1e-3, 1e-6];
             let lens = Lens { pixel_aspect: aspect, ..fisheye([k[0], k[1], 0.0, 0.0]) };
             let pixel = Pixel::from(at);

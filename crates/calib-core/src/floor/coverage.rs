@@ -329,7 +329,7 @@ pub struct Coverage {
     pub density: Vec<f64>,
     /// Index of the camera with the largest pixel density.
     pub best: Vec<Option<usize>>,
-    /// Number of cameras that see the target.
+    /// Number of cameras that see the target at each point.
     pub seen_by: Vec<usize>,
     /// For every camera, the runs of points that it sees, each within a row, in ascending order.
     pub visible: Vec<Vec<Range<usize>>>,

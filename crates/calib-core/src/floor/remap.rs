@@ -415,7 +415,8 @@ pub struct StraightView {
 pub enum StraightViewError {
     /// The stream is stretched.
     Stretched,
-    /// The crop needs the sides of the raw image, which cannot be undistorted, as around an image circle.
+    /// No undistorted image contains the whole view of the lens, as for a wide fisheye lens. The crop
+    /// [`Crop::SameFocal`] is possible.
     Round,
     /// The images are too small or too large.
     Size,

@@ -398,7 +398,8 @@ mod tests {
         (Covariance::ASPECT, 0.01),
     ];
 
-    /// Returns the camera of the noisy placements with changed pitch, principal point, k1 and pixel aspect.
+    /// Returns the true camera of the test with errors. `by(0)` to `by(4)` are the errors of pitch (radians),
+    /// principal point u and v (pixels), k1 and pixel aspect. The covariance contains [`SIGMAS`].
     fn changed(by: impl Fn(usize) -> f64) -> Camera {
         let [pitch, du, dv, dk, aspect] = [0, 1, 2, 3, 4].map(by);
         let distortion = Distortion::BrownConrady(BrownConrady { k1: -0.1 + dk, ..BrownConrady::default() });

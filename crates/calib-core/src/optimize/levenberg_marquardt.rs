@@ -73,7 +73,8 @@ pub(crate) struct LevenbergMarquardt<P: LeastSquares> {
     pub(crate) normal: P::Normal,
     /// Damping lambda of the next step.
     damping: f64,
-    /// Factor of the damping at the next rejection.
+    /// Factor by which the next rejected step multiplies the damping. It doubles at each rejection, and is reset
+    /// by an accepted step.
     growth: f64,
     /// Minimum damping after a rejection, until the first step is accepted; 0 afterwards.
     least_after_rejection: f64,

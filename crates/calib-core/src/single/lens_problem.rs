@@ -35,9 +35,9 @@ use crate::single::straightness::{
 pub(crate) const K1_SIGMA: f64 = 0.2;
 /// Standard deviation of k2. The expected value is the square of k1 if k1 is negative, and otherwise 0.
 pub(crate) const K2_SIGMA: f64 = 0.1;
-/// Standard deviation of k3.
+/// Standard deviation of the prior on k3, in the coordinates of [`K1_SIGMA`].
 const K3_SIGMA: f64 = 0.1;
-/// Standard deviation of p1 and of p2.
+/// Standard deviation of the priors on p1 and p2, in the coordinates of [`K1_SIGMA`].
 const TANGENTIAL_SIGMA: f64 = 0.003;
 
 /// Standard deviations of k1 to k4 of a fisheye. The design families of fisheyes have k1 and k2 of 0 and 0

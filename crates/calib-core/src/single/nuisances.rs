@@ -7,8 +7,8 @@ use crate::single::constraints::{AnnotatedPlane, Constraints, Direction, LineCon
 /// Layout of the nuisance parameters in a state.
 ///
 /// The order is: angles of the groups of directions, log lengths of the groups of lengths, azimuth and
-/// elevation of every deviation. The two tilts follow. Every annotated plane adds its two slopes and its
-/// height under the camera.
+/// elevation of every deviation. The two tilts follow. Every annotated plane adds its two slopes, and its
+/// height under the camera relative to the expected height.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Nuisances {
     /// Number of groups of floor directions.
@@ -135,7 +135,8 @@ impl<E> Constraints<E> {
 }
 
 impl AnnotatedPlane {
-    /// Returns the standard deviation of each slope of the plane, in rise per metre.
+    /// Returns the standard deviation of the prior on each slope of the plane, in rise per metre. It includes the
+    /// expected slope of the plane, whose direction relative to the camera is unknown.
     fn slope_sigma(&self) -> f64 {
         self.prior.slope_in_any_direction()
     }

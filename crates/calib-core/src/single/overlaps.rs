@@ -224,7 +224,8 @@ impl WeightedTally {
         Self { all: tally.all, by_class: tally.by_class.iter().map(|&(_, drawn)| drawn).collect() }
     }
 
-    /// Adds the tally of another location, weighted by the overlapping fraction `share`.
+    /// Adds the polyline counts of an overlapping location, `other`, weighted by the overlapping fraction
+    /// `share`. `own` is the tally of this location, and determines the counted classes.
     fn add(&mut self, own: &Tally, other: &Tally, share: f64) {
         self.all += share * other.all;
         for (sum, &(class, _)) in self.by_class.iter_mut().zip(&own.by_class) {

@@ -70,7 +70,8 @@ pub struct StoredCamera<'a> {
     pub orientation: Orientation,
     /// Height, in metres.
     pub height: f64,
-    /// Whether the height is estimated from the annotations, as for a camera that was placed by hand.
+    /// Whether the height is estimated again from the annotations. Otherwise it is fixed at `height`. The height
+    /// of a stored camera may come from a placement by hand that is newer than its residuals.
     pub is_height_free: bool,
     /// Prior on the height.
     pub height_prior: Option<Prior>,

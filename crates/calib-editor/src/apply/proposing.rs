@@ -74,7 +74,7 @@ impl Editor {
         let count = found.cameras.iter().filter(|camera| camera.placement.is_some()).count();
         if count > 0 {
             self.session.site = found.write_into(std::mem::take(&mut self.session.site));
-            self.session.commit(format!("place {} by colours", counted(count, "camera", "cameras")));
+            self.session.commit(format!("place {} by matching colours", counted(count, "camera", "cameras")));
         }
     }
 

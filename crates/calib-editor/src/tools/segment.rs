@@ -213,7 +213,7 @@ impl Tool for Segment {
             }
             (Gesture::Idle, Kind::Vertical) => "Draw along a vertical edge: drag, or click both ends.".into(),
             (Gesture::Idle, Kind::Parallel) if self.joins_last(session) => {
-                "Draw a line parallel to the previous ones.  W: start another direction".into()
+                "Draw a line parallel to the previous ones.  W: new direction".into()
             }
             (Gesture::Idle, Kind::EqualLength) => {
                 "Draw one of the lines of equal length on the floor: drag, or click both ends.".into()

@@ -64,7 +64,7 @@ struct Pair {
 /// Finds the window of the old image that the new image shows; `None` if it shows no window of it. `upright` are
 /// the corners of the old image.
 pub(crate) fn find_window(old: &Luma, upright: &[Feature], new: &Luma) -> Option<FoundWindow> {
-    /// Smallest fraction of agreeing blocks.
+    /// Smallest fraction of the textured blocks whose brightness must agree for a window to be accepted.
     const MIN_SHARE: f64 = 0.6;
     /// Smallest error of the width of the window, in pixels: resampling shifts edges by this much.
     const MIN_SIGMA_PX: f64 = 0.1;

@@ -92,7 +92,7 @@ impl fmt::Display for Reason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::FewEdges { found } => {
-                write!(f, "only {found} straight edges were found; draw more lines by hand")
+                write!(f, "too few straight edges were found ({found}); draw more lines by hand")
             }
             Self::RoundImage => f.write_str(
                 "the image is round (fisheye), and its lens is unknown; draw long straight edges by hand, then try again",

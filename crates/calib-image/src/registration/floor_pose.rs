@@ -20,7 +20,7 @@ pub(crate) struct FloorPose {
 pub(crate) type Poses = Vec<Option<FloorPose>>;
 
 impl FloorPose {
-    /// Pose of the first camera of a tree.
+    /// Pose of the first camera of a spanning tree: the origin, with the given height.
     const ORIGIN: Self = Self { at: [0.0; 2], yaw: 0.0, log_height: 0.0 };
 
     /// Returns the pose of this camera relative to the camera `base`. `height` is the given height of `base`,

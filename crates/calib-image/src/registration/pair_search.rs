@@ -14,7 +14,7 @@ pub(crate) const DECISION_TOLERANCE: f64 = 12.0 * PI / 180.0;
 const MEDIUM_COUNT: usize = 20;
 /// Number of poses that are refined at full resolution.
 const FINE_COUNT: usize = 8;
-/// Largest number of these poses on one ridge.
+/// Largest number of poses on one ridge among the poses that are refined at full resolution.
 const MAX_FINE_PER_RIDGE: usize = 2;
 /// Ratio of a pair without an alternative pose.
 const MAX_RATIO: f64 = 9.99;

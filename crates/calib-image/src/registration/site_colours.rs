@@ -40,7 +40,7 @@ pub(crate) struct CameraColours {
     pub(crate) height_sigma: f64,
     /// Rows right, down and forward of the camera, in the local frame.
     pub(crate) rotation: [[f64; 3]; 3],
-    /// Mean shares of the classes, 0 to 1.
+    /// Mean share of each colour class in the visible surroundings of the camera, 0 to 1.
     pub(crate) background: Vec<f32>,
     /// Classes around the camera, for the coarse search.
     pub(crate) volume: ClassVolume,

@@ -232,7 +232,7 @@ impl PlacementSearch {
             Some((Some(frame), pose)) => {
                 let others = self.others(site, view, registration);
                 let reason = format!(
-                    "it was placed by colours together with {others}; the position can be wrong by half a metre"
+                    "it was placed by matching colours with {others}; the position can be wrong by half a metre"
                 );
                 let members = group.map_or(&[][..], |group| &registration.groups[group]);
                 let sets_height = members.iter().any(|&member| is_kept(site, self.cameras[member]));
@@ -251,7 +251,8 @@ impl PlacementSearch {
         CameraPlacement { placement, reason, ..nothing }
     }
 
-    /// Returns the names of the other cameras in the group of a view.
+    /// Returns the ids of the other cameras in the group of a view as text. For more than three cameras, the text
+    /// contains only their number.
     fn others(&self, site: &Site, view: usize, registration: &SiteRegistration) -> String {
         /// Largest number of names.
         const MAX_NAMES: usize = 3;
@@ -331,9 +332,9 @@ fn summary(site: &Site, cameras: &[CameraPlacement], groups: usize, against: usi
         (false, "no two images clearly show the same part of the scene".into())
     } else if placed + kept == wanted && groups == 1 && against == 0 {
         let all = if kept > 0 { "every other camera" } else { "every camera" };
-        (true, format!("{all} is placed by colours; link points to check and refine the positions"))
+        (true, format!("{all} was placed by matching colours; link points to check and refine the positions"))
     } else {
-        (false, format!("placed by colours: {placed} of {wanted} cameras{already}{contradiction}"))
+        (false, format!("placed by matching colours: {placed} of {wanted} cameras{already}{contradiction}"))
     }
 }
 

@@ -104,9 +104,9 @@ fn rank(pair: &PairRegistration) -> f64 {
 
 /// First stage of the joint search.
 const MEDIUM_STAGE: Stage = Stage { steps: Steps { shift: 0.3, turn: 0.08 }, rounds: 2, tolerance: 0.003 };
-/// Second stage.
+/// Second stage of the joint search, at full resolution of the small images.
 const FINE_STAGE: Stage = Stage { steps: Steps { shift: 0.075, turn: 0.02 }, rounds: 2, tolerance: 0.001 };
-/// Last stage.
+/// Last stage of the joint search, at full resolution with more items.
 const LAST_STAGE: Stage = Stage { steps: Steps { shift: 0.06, turn: 0.016 }, rounds: 3, tolerance: 0.0001 };
 
 /// Estimates the poses of the group of the camera `first`. The joint maximum is narrow, so the search

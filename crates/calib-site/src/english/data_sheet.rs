@@ -7,7 +7,7 @@ use crate::data_sheet::DataSheetError;
 /// Messages for the operator.
 impl fmt::Display for DataSheetError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        const EXAMPLES: &str = "Write, for example, 2.8 mm 1/2.7, or horizontal 98\u{b0}.";
+        const EXAMPLES: &str = "Enter, for example, 2.8 mm 1/2.7, or horizontal 98\u{b0}.";
         match self {
             Self::NoSensor => {
                 f.write_str("Add the size of the sensor to the focal length, for example 2.8 mm 1/2.7.")

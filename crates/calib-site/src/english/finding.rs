@@ -245,7 +245,9 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         F::BelowFloor { .. } => {
             "Check the height of the camera. In an imported calibration, the z axis must point up."
         }
-        F::LineOutlier { .. } => "Redraw or delete the line. If it is correct, use it anyway (\"keep\").",
+        F::LineOutlier { .. } => {
+            "Redraw or delete the line. If it is correct, choose \"Use anyway\" in the app, or add \"keep\": true to its annotation."
+        }
         F::Misfit { .. } => {
             "Check the lines with the largest residuals: a line may be misplaced, not parallel, or curved by distortion."
         }
@@ -298,7 +300,7 @@ const fn lens_advice(finding: &Finding) -> &'static str {
              the top."
         }
         Finding::WrongPrincipalPoint { .. } => {
-            "Check lens.principal_point_px: its unit is pixels of this image. Or remove it to have it estimated."
+            "Check lens.principal_point_px: it must be in pixels of this image. Or remove it to have it estimated."
         }
         Finding::OffCentre { .. } => {
             "If the image is not cropped, check the right angles and the verticals. If you know the principal point, enter it."
@@ -341,14 +343,14 @@ const fn shared_advice(finding: &Finding) -> &'static str {
         F::LargeSite { is_compact: true, .. } => "Move the origin of the site close to its cameras.",
         F::LargeSite { .. } => "Divide the site into smaller sites, each within 5 km of its origin.",
         F::ControlPointOutlier { .. } => {
-            "Check the coordinates and the pixel of the point. If both are correct, use it anyway (\"keep\")."
+            "Check the coordinates and the pixel of the point. If both are correct, choose \"Use anyway\" in the app, or add \"keep\": true to the point."
         }
         F::UncheckedLinks { cameras, .. } if cameras.is_empty() => {
             "Click one more point of the link or mark, or draw a line."
         }
         F::UncheckedLinks { .. } => "Add one more link between these cameras, far from the existing links.",
         F::ElementOutlier { .. } => {
-            "Check that the pixels are on the same object in every camera. If so, use the link or mark anyway (\"keep\")."
+            "Check that the pixels are on the same object in every camera. If so, choose \"Use anyway\" in the app, or add \"keep\": true to the link or mark."
         }
         F::DistanceOutlier { .. } => "Check the length and its unit.",
         F::NotConnected { .. } => "Link three points with a connected camera, or add control points.",
@@ -436,7 +438,7 @@ fn failure_text(failure: &Failure) -> [String; 2] {
             "Draw two parallel floor lines, a right angle, or segments of equal length. Or enter the focal length.".into(),
         ],
         Failure::NoAnnotations => [
-            "No drawn lines determine the orientation of the camera.".into(),
+            "There are no lines that determine the orientation of the camera.".into(),
             "Draw two verticals and two parallel floor lines that run away from the camera, or click four control points.".into(),
         ],
         Failure::ExchangedControlPoints { .. }

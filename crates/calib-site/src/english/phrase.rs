@@ -207,7 +207,7 @@ impl SentenceContext<'_> {
         }
         match px {
             Some(px) => format!("{line} contradicts the other lines by {px:.1} px and was rejected."),
-            None => format!("{line} is above the horizon of the other lines and was rejected."),
+            None => format!("{line} is above the horizon computed from the other lines and was rejected."),
         }
     }
 
@@ -248,7 +248,8 @@ impl SentenceContext<'_> {
             Subject::Efov => "the field of view".into(),
             shared => self.shared(shared),
         };
-        let exchanged = if *fits_exchanged { " With u and v swapped, all would be inside." } else { "" };
+        let exchanged =
+            if *fits_exchanged { " With u and v swapped, all points would be inside." } else { "" };
         format!(
             "Points outside the image of {width} x {height} pixels: {outside} of {drawn}, the first in \
              {first}.{exchanged}"
@@ -401,7 +402,7 @@ impl SentenceContext<'_> {
     pub(super) fn scale_unknown(&self, cameras: &[usize], root: usize) -> String {
         let (ids, root) = (self.ids(cameras), self.id(root));
         format!(
-            "The scale of {ids} is unknown. Camera {root} is assumed to have the height from its placement, or 3 m without a placement."
+            "The scale of {ids} is unknown. Camera {root} is assumed to be at the height from its placement, or at 3 m if it has no placement."
         )
     }
 

@@ -62,7 +62,7 @@ pub enum Distortion {
     /// `radius = sin theta / (alpha d + (1 - alpha) cos theta)` with
     /// `d^2 = beta sin^2 theta + cos^2 theta`.
     Eucm {
-        /// Weight of the distance d, between 0 and 1.
+        /// Weight of the distance d in the formula, between 0 and 1; 0 is the pinhole camera.
         alpha: f64,
         /// Shape of the surface that rays meet; above 0. The model is the unified one for 1.
         beta: f64,

@@ -98,7 +98,8 @@ pub(crate) trait Model {
         if w > 0.0 { self.distort([x / w, y / w]) } else { None }
     }
 
-    /// Returns the Jacobian `d ray / d distorted` at the distorted point `distorted`, whose ray is `ray`.
+    /// Returns the Jacobian `d ray / d distorted` at a distorted point (divided by the focal length). The second
+    /// argument is the ray at this point, as returned by [`Self::ray`].
     fn ray_jacobian(&self, distorted: [f64; 2], [x, y, _]: [f64; 3]) -> RayMatrix {
         let [u, v] = self.undistort_jacobian(distorted, [x, y]);
         [u, v, [0.0; 2]]
