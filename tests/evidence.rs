@@ -1,4 +1,4 @@
-//! Evidence that is enough for a part of the result, and evidence that contradicts itself by a unit.
+//! Lines that determine only lengths on the floor, a length in feet entered as metres, and a site in feet.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 

@@ -1,4 +1,4 @@
-//! Formats of other programs: an exported camera projects like ours, and an import returns it.
+//! Formats of other programs: an exported camera projects points as before, and its import restores the camera.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 

@@ -1,4 +1,4 @@
-//! `calib measure`: intervals of simulated measurements, and refusals.
+//! `calib measure`: intervals of simulated measurements, refused points, and units.
 
 use calib_core::camera::{Camera, FloorPoint, Pixel, WorldPoint};
 use calib_core::floor::Measured;

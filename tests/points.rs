@@ -1,5 +1,5 @@
-//! Cameras that control points alone calibrate: by how far, with which errors in the points, and what is
-//! reported.
+//! Cameras calibrated without lines, by control points or by the points of a mark: accuracy, wrong points, and
+//! findings.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 

@@ -1,4 +1,4 @@
-//! The principal point as an unknown with a prior: coverage of the intervals, and the cost of not knowing it.
+//! Unknown, cropped and wrongly entered principal points: coverage of the intervals, and findings.
 
 use calib_core::camera::{Camera, Covariance, Lens, Pixel, WorldPoint};
 use calib_core::outcome::Code;

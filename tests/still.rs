@@ -1,4 +1,4 @@
-//! `calib still`: frames of a video, and snapshots of a camera that is a small server in this program.
+//! `calib still`: frames of a video, and snapshots from a simulated camera, a small server in this program.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 

@@ -1,4 +1,4 @@
-//! Helpers of the whole-program tests: the built program, scratch folders, lens distances, and reported
+//! Helpers of the whole-program tests: the built program, scratch folders, distances between lenses, and reported
 //! skips.
 
 /// The README, whose example is compiled.

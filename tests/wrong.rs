@@ -1,5 +1,4 @@
-//! Outliers in large sites: wrong links and wrong lines. They are found for any number, and with little extra
-//! time.
+//! Outliers in large sites: wrong links and wrong lines are rejected, few or many, with little extra time.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 

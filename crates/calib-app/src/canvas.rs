@@ -30,7 +30,7 @@ pub struct Mapping {
     pub bend: Option<Bend>,
 }
 
-/// Map from raw pixels to a canvas on which straight lines in space are straight.
+/// Map from raw pixels to canvas points: undistortion, or projection into a fisheye window.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bend {
     /// Undistortion of the image of this lens; document points are raw pixels.
@@ -165,8 +165,8 @@ impl Mapping {
         self.screen_of_flat(self.flat(at))
     }
 
-    /// Maps a polyline of the image to the screen. In a virtual view, straight lines become curves, and invisible
-    /// points are left out. In a panorama, lines continue across the seam.
+    /// Maps a polyline of the image to the screen. In a fisheye window, straight lines of the image become curves,
+    /// and invisible points are left out. In a panorama, lines continue across the seam.
     #[must_use]
     pub fn path(&self, points: &[Pixel]) -> Vec<Pos2> {
         let Some(bend) = self.bend.filter(|bend| bend.size().is_some()) else {
@@ -217,8 +217,8 @@ impl Mapping {
         }
     }
 
-    /// Maps a screen point to units of the canvas: undistorted pixels, pixels of a virtual view, or metres of the
-    /// floor.
+    /// Maps a screen point to a canvas point, in pixels of the raw image, the undistorted image or a fisheye window,
+    /// or in metres of the floor.
     fn flat_at(&self, at: Pos2) -> [f64; 2] {
         let View { centre, zoom, .. } = self.view;
         let by = at - self.rect.center();
@@ -355,7 +355,7 @@ mod tests {
         let bend = Bend::Window { lens, focal: lens.focal, window };
         let view = View { centre: [1200.0, 400.0], zoom: 0.3, y_up: false };
         let mapping = Mapping { bend: Some(bend), view, ..mapping(false) };
-        // Below the middle of the image, from one side of its lower half to the other.
+        // The line crosses the vertical through the image centre, below the centre.
         let path = mapping.path(&[Pixel::new(600.0, 1100.0), Pixel::new(850.0, 1120.0)]);
         let longest = path.windows(2).map(|pair| pair[0].distance(pair[1])).fold(0.0, f32::max);
         assert!(longest < 20.0, "{longest}");

@@ -31,7 +31,7 @@ pub fn run(app: &mut App, ctx: &Context, command: Command, modifiers: Modifiers)
     }
     match command.group() {
         Group::Tool(index) => {
-            // The keys now belong to the tool.
+            // The focused widget loses the focus, so that keys go to the tool.
             ctx.memory_mut(|memory| memory.focused().into_iter().for_each(|id| memory.surrender_focus(id)));
             app.act(Action::SelectTool(index));
         }

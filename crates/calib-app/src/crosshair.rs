@@ -5,7 +5,7 @@
 
 use egui::{Context, Event, Key, Modifiers, PointerButton, Pos2, RawInput, Rect, Vec2};
 
-/// Distance of one press of an arrow key, of a held key, and of a key held for longer, in points.
+/// Distances by which an arrow key moves the crosshair: one press, a held key, a key held for longer; in points.
 const STEPS: [f32; 3] = [1.0, 4.0, 12.0];
 /// Distance of one press with Shift, in points.
 const COARSE_STEP: f32 = 24.0;
@@ -39,7 +39,7 @@ const fn direction(key: Key) -> Option<Vec2> {
 }
 
 impl Crosshair {
-    /// Returns the state for this window.
+    /// Calls `change` with the crosshair of this window, and returns its result.
     pub(crate) fn with<T>(ctx: &Context, change: impl FnOnce(&mut Self) -> T) -> T {
         change(&mut ctx.plugin_or_default::<Self>().lock())
     }
@@ -56,7 +56,7 @@ impl Crosshair {
         at
     }
 
-    /// Converts the keys among the events to pointer events.
+    /// Converts presses of arrow keys to pointer movements and a press of Enter to a click. Other events stay.
     fn convert(&mut self, events: Vec<Event>) -> Vec<Event> {
         let mut converted = Vec::new();
         for event in events {

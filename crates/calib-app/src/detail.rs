@@ -38,7 +38,7 @@ pub(crate) struct Detail {
     task: Option<(Part, Task<Result<RgbImage, String>>)>,
     /// Number of parts that could not be drawn.
     failures: usize,
-    /// Last visible part, and since when it is visible, on the clock of egui in seconds.
+    /// Last visible part, and the time from which it has been visible, on the clock of egui in seconds.
     seen: Option<(Visible, f64)>,
 }
 
@@ -47,8 +47,8 @@ impl Detail {
         Self { svg, drawn: None, task: None, failures: 0, seen: None }
     }
 
-    /// Takes a part that was drawn, and starts drawing the visible part if the shown one is blurred. `whole` is the
-    /// size of the whole picture.
+    /// Stores a part that was drawn, and starts drawing the visible part if the shown picture is blurred. `whole` is
+    /// the size of the whole picture, in pixels.
     pub(crate) fn update(&mut self, ctx: &Context, whole: [u32; 2], visible: Visible) {
         if let Some((part, task)) = self.task.take() {
             match task.outcome() {

@@ -30,12 +30,12 @@ pub struct DecodedImage {
     pub svg: Option<Arc<[u8]>>,
 }
 
-/// Returns the shown part of the drawing of a plan.
+/// Returns the page and the layers of a drawing that the plan shows.
 pub(crate) fn plan_view(plan: &Plan) -> View {
     View { page: plan.page, layers: plan.layers.clone() }
 }
 
-/// Returns the plan entry of a drawing that states its scale, and a note on the source of the scale.
+/// Returns the plan entry of a drawing, and a note on the source of its scale. `None` if the scale is unknown.
 pub(crate) fn plan_from_drawing(drawing: &DrawingFacts) -> Option<(Plan, String)> {
     let metres_per_px = drawing.metres_per_px?;
     let source = match drawing.scale_source? {

@@ -1,5 +1,4 @@
-//! Background searches: straight edges of images, joint refinement of a site, automatic calibration of an
-//! image.
+//! Background tasks: detection of straight edges, joint refinement of a site, automatic calibration of an image.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -88,7 +87,7 @@ impl Refining {
         Self { from: site.clone(), task: Here::refine(ctx, site.clone()) }
     }
 
-    /// Returns the refined site when the refinement has ended; call it no more afterwards.
+    /// Returns the refined site when the refinement has ended. It must not be called again after that.
     #[must_use]
     pub(crate) fn poll(&self) -> Option<Result<Site, String>> {
         let lost = |_| "internal error; please report this".to_owned();

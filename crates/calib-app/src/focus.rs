@@ -46,8 +46,8 @@ pub(crate) struct FocusWatch {
     tries: u8,
 }
 
-/// Scrolls the focused widget into view if the focus has moved to a partly hidden widget. A press of the pointer does not
-/// scroll.
+/// Scrolls the focused widget into view if the focus has moved to a partly hidden widget. A press of the pointer does
+/// not scroll.
 pub(crate) fn scroll_to_focused(ctx: &Context, watch: &mut FocusWatch) {
     /// Number of frames in which the program scrolls. A panel can have its final layout one frame later.
     const MAX_TRIES: u8 = 4;
@@ -96,7 +96,7 @@ pub(crate) fn blank_field(ctx: &Context) -> Option<Id> {
     blank.filter(|_| ctx.memory(|memory| memory.focused()) == blank)
 }
 
-/// Whether a key belongs to an empty length field: it enters or edits a length, or leaves the field.
+/// Whether a key goes to an empty length field that has the focus: it enters or edits a length, or leaves the field.
 pub(crate) fn is_for_field(key: Key, modifiers: Modifiers) -> bool {
     if modifiers.command {
         return matches!(key, Key::A | Key::C | Key::V | Key::X);

@@ -45,7 +45,7 @@ impl App {
             self.poll_imports();
             self.poll_refining();
             self.poll_proposing(ctx);
-            // The page loads this work with its second part.
+            // The web build loads this code with the second part of the program, so it is called only if needed.
             if self.jobs.automatic.is_some() {
                 self.poll_automatic(ctx);
             }

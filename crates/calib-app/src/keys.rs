@@ -31,11 +31,12 @@ pub fn shortcut(command: Command, keys: Shortcut) -> KeyboardShortcut {
     KeyboardShortcut::new(modifiers, key(keys.key))
 }
 
-/// Returns the commands whose keys were pressed, except while a text field has the focus. An empty length field takes
-/// only the keys of a length. While a sheet needs the other keys (`has_sheet`), only Escape has a command.
+/// Returns the commands whose keys were pressed, except while a text field has the focus. While an empty length field
+/// has the focus, only the keys of a length go to the field, and other keys run commands. While a sheet needs the
+/// other keys (`has_sheet`), only Escape has a command.
 ///
-/// `was_typing` is true if a text field had the focus in the last frame. The Escape key that left the field
-/// then belongs to the field. An Escape key that closes a menu belongs to the menu.
+/// `was_typing` is true if a text field had the focus in the last frame. The Escape key that left the field then runs
+/// no command. An Escape key that closes a menu runs no command either.
 pub fn pressed(ctx: &Context, was_typing: bool, has_sheet: bool) -> Vec<(Command, egui::Modifiers)> {
     let blank = focus::blank_field(ctx);
     if ctx.text_edit_focused() && blank.is_none() {
@@ -65,7 +66,7 @@ pub fn pressed(ctx: &Context, was_typing: bool, has_sheet: bool) -> Vec<(Command
         });
     });
     if let Some(field) = blank.filter(|_| !found.is_empty()) {
-        // The letter of a shortcut does not belong to the field.
+        // The letter of a shortcut is not entered into the field.
         ctx.input_mut(|input| input.events.retain(|event| !matches!(event, egui::Event::Text(_))));
         ctx.memory_mut(|memory| memory.surrender_focus(field));
     }

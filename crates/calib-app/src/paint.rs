@@ -185,7 +185,7 @@ pub fn chip(painter: &Painter, at: Pos2, slot: usize) -> Rect {
     rect
 }
 
-/// Paints the crosshair of the keyboard above everything.
+/// Paints the crosshair that the arrow keys move, above all other content. `at` is in screen points.
 pub(crate) fn paint_crosshair(ctx: &egui::Context, at: Pos2) {
     /// Ends of the four lines, in points from the position.
     const ENDS: [f32; 2] = [4.0, 14.0];

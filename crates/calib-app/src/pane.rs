@@ -70,7 +70,8 @@ fn is_over(ui: &Ui, rect: Rect, at: Pos2) -> bool {
     rect.contains(at) && ui.clip_rect().contains(at) && ui.ctx().layer_id_at(at) == Some(ui.layer_id())
 }
 
-/// Takes back what the first finger of a pinch began. Returns whether the pointer events belong to a pinch.
+/// Returns whether the pointer events belong to a pinch. At its start, undoes the press of the first finger: cancels
+/// the gesture that it began, or removes the last point of an earlier gesture.
 fn is_pinch(app: &mut App, ui: &Ui) -> bool {
     let (has_two, has_any) = ui.input(|i| (i.multi_touch().is_some(), i.any_touches()));
     let panes = &mut app.view.panes;
@@ -513,8 +514,8 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     self::cursor(app, ui, Pane::Plan, &mapping);
 }
 
-/// Shows a button that opens a floor plan, if the site has none. It is in the middle of an empty floor, otherwise at the
-/// top.
+/// Shows a button that opens a floor plan, if the site has none. It is in the middle of an empty floor, otherwise at
+/// the top.
 fn open_plan_ui(app: &mut App, ui: &mut Ui, key: (Place, Pane), rect: Rect) {
     /// Size of the panel with the button, in points.
     const SIZE: Vec2 = Vec2::new(236.0, 64.0);
@@ -530,8 +531,8 @@ fn open_plan_ui(app: &mut App, ui: &mut Ui, key: (Place, Pane), rect: Rect) {
     ui.scope_builder(egui::UiBuilder::new().max_rect(panel.shrink(8.0)), |ui| {
         ui.vertical_centered(|ui| {
             ui.label(egui::RichText::new("No floor plan is loaded.").color(palette.text2));
-            let button = ui.button("Open a floor plan\u{2026}");
-            if button.on_hover_text("Open an image, a PDF, an SVG or a DXF file").clicked() {
+            let button = ui.button("Load a floor plan\u{2026}");
+            if button.on_hover_text("Load an image, a PDF, an SVG or a DXF file").clicked() {
                 app.open_dialog(Purpose::LoadPlan);
             }
         });

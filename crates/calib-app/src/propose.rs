@@ -20,8 +20,7 @@ pub fn propose_ui(app: &mut App, ui: &mut Ui) {
     let Some(proposed) = app.shown_proposal().cloned() else { return };
     let mut wish = None;
     section(ui, |ui| {
-        let lines = proposed.count();
-        heading(ui, "Proposed", &format!("{lines} {}", if lines == 1 { "line" } else { "lines" }));
+        heading(ui, "Automatic calibration", &counted(proposed.count(), "line", "lines"));
         judgement(app, ui, &proposed);
         hypotheses(app, ui, &proposed, &mut wish);
         whole(app, ui, &proposed);
@@ -247,20 +246,21 @@ impl Row<'_> {
         let title = self.group.title();
         let mut button = |ui: &mut Ui, word: &str, tip: &str, action: CalibrationDecision| {
             let response = ui.small_button(word);
-            let name = format!("{word} {title}");
+            let name = format!("{word}: {title}");
             response.widget_info(|| WidgetInfo::labeled(egui::Role::Button, true, &name));
             if response.on_hover_text(tip).clicked() {
                 *wish = Some(action);
             }
         };
-        button(ui, "Accept", "Draw these lines", CalibrationDecision::Accept(self.index));
+        button(ui, "Accept", "Add these lines", CalibrationDecision::Accept(self.index));
         match self.group.kind {
             Kind::Vertical => {
                 let tip = "Change these lines to floor lines";
-                button(ui, "Flip", tip, CalibrationDecision::Flip(self.index));
+                button(ui, "To floor lines", tip, CalibrationDecision::Flip(self.index));
             }
             Kind::Parallel => {
-                button(ui, "Flip", "Change these lines to verticals", CalibrationDecision::Flip(self.index));
+                let tip = "Change these lines to verticals";
+                button(ui, "To verticals", tip, CalibrationDecision::Flip(self.index));
             }
             _ => {}
         }

@@ -244,7 +244,7 @@ fn visuals(base: Visuals, p: &Palette) -> Visuals {
     v.window_fill = p.panel;
     v.window_stroke = Stroke::new(1.0, p.line);
     v.extreme_bg_color = p.bg;
-    // A field looks like paper in the light theme, and like a hole in the dark theme.
+    // A text field is lighter than its panel in the light theme, and darker in the dark theme.
     v.text_edit_bg_color = Some(if v.dark_mode { p.bg } else { p.raised });
     v.faint_bg_color = p.raised;
     v.hyperlink_color = p.accent;

@@ -156,7 +156,8 @@ fn other_files_are_refused_with_a_way_out() {
     scratch.write("photo.bin", b"\0\0\0\x18ftypavif\0\0\0\0");
     scratch.write("other.json", "{\"a\": 1}");
     scratch.write("BM1.csv", "BM1;48.1;11.5\n");
-    for (name, expected) in [("notes.txt", "Can't open"), ("photo.bin", "JPEG"), ("other.json", "Can't open")]
+    for (name, expected) in
+        [("notes.txt", "Cannot open"), ("photo.bin", "JPEG"), ("other.json", "Cannot open")]
     {
         let mut desk = Desk::new(Site::new());
         open(&mut desk, &scratch, &[name]);

@@ -32,7 +32,7 @@
     at("kept").replaceChildren(...records.map((record) => {
       const row = document.createElement("li");
       const name = document.createElement("span");
-      name.textContent = `${record.name || "site"}: ${record.cameras} cameras, ${new Date(record.kept).toLocaleString()}`;
+      name.textContent = `${record.name || "site"}: ${record.cameras} camera${record.cameras === 1 ? "" : "s"}, ${new Date(record.kept).toLocaleString()}`;
       const button = document.createElement("button");
       button.type = "button";
       button.className = "button";
@@ -51,7 +51,7 @@
 
   const cannot = (what) => {
     const text = `This browser ${what}. Calib needs a current Firefox, Chrome, Edge or Safari with WebAssembly and WebGL 2.`;
-    trouble("Calib cannot run in this browser", `${text} You can download the stored sites and solve them with the command line tool calib.`);
+    trouble("Calib cannot run in this browser", `${text} You can download the stored sites and solve them with the command-line tool calib.`);
     listKept();
   };
 

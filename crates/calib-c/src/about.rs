@@ -245,7 +245,7 @@ pub unsafe extern "C" fn calib_camera_matrix(camera: *const CalibCamera, matrix:
     })
 }
 
-/// Number of distortion coefficients of the model with the most.
+/// Largest number of distortion coefficients of a model.
 pub const CALIB_COEFFICIENTS: usize = 12;
 
 const _: () = assert!(
@@ -298,8 +298,8 @@ const fn name_of(model: DistortionModel) -> &'static CStr {
     }
 }
 
-/// Number of parameters of a camera: x, y, z, yaw, pitch, roll, focal length, five distortion coefficients
-/// and the principal point.
+/// Number of parameters of a camera: x, y, z, yaw, pitch, roll, focal length, five distortion coefficients, the
+/// principal point (two) and the pixel aspect.
 pub const CALIB_UNKNOWNS: usize = 15;
 
 const _: () = assert!(
@@ -309,10 +309,11 @@ const _: () = assert!(
 
 /// Writes the covariance of the camera's parameters, a square matrix with `CALIB_UNKNOWNS` rows.
 ///
-/// Their order is x, y, z (metres), yaw, pitch, roll (radians), focal length (pixels of the calibrated
-/// image), five distortion coefficients, and the principal point u, v (pixels of the calibrated image). For a
-/// fisheye the fifth distortion parameter is the logarithm of the lens's focal length. Rows of fixed
-/// parameters are 0. A variance is infinite if it is unknown, for example of z without a known scale.
+/// They are x, y, z (metres), yaw, pitch, roll (radians), and focal length (pixels of the calibrated image). Five
+/// distortion coefficients follow in the order of their model, then the principal point u, v (pixels of the
+/// calibrated image) and the pixel aspect. For a fisheye the fifth distortion parameter is the logarithm of the
+/// lens's focal length. Rows of fixed parameters are 0. A variance is infinite if it is unknown, for example of z
+/// without a known scale.
 ///
 /// # Safety
 /// `camera` is a handle that is not freed during the call. `CALIB_UNKNOWNS` squared values of `covariance`

@@ -97,9 +97,9 @@ fn box_form(form: u32) -> Result<BoxForm, CallError> {
 /// the stream.
 ///
 /// `pixel` and `calibration` receive four values for each of `count` pixels: xx, xy, yx, yy in square metres.
-/// The part of the pixel is independent for each detection. The part of the calibration is common to all
-/// detections of a camera, so a filter must not average it away. Both are NaN without a point. `calibration`
-/// is also NaN if the errors of the calibration or its scale (`calib_camera_scale_known`) are unknown.
+/// The pixel part is independent between detections. The calibration part is common to all detections of a camera, so
+/// a filter must not average it away. Both are NaN without a point. `calibration` is also NaN if the errors of the
+/// calibration or its scale (`calib_camera_scale_known`) are unknown.
 ///
 /// # Safety
 /// `camera` is a handle that is not freed during the call. `count` values of `u`, `v` can be read. Four times

@@ -59,7 +59,7 @@ pub(crate) fn catch_panic(work: impl FnOnce() -> Result<(), CallError>) -> Calib
     }
 }
 
-/// Runs a call as [`catch_panic`] does, and writes a message on failure.
+/// Runs a call as [`catch_panic`] does, and writes the message of a failure; an empty text on success.
 ///
 /// # Safety
 /// `error` is null, or `size` bytes can be written there.
@@ -235,11 +235,11 @@ pub(crate) fn boxed<T>(value: T) -> *mut T {
 pub const CALIB_ORIGIN_CORNER: u32 = 0;
 /// Pixels count from the centre of the first pixel, as in OpenCV.
 pub const CALIB_ORIGIN_CENTRE: u32 = 1;
-/// No fit stated. An error if the aspect ratio of the stream differs.
+/// Fit not selected. The call fails if the aspect ratio of the stream differs from that of the image.
 pub const CALIB_FIT_UNSAID: u32 = 0;
-/// Each side is scaled separately.
+/// Width and height of the image are scaled separately to those of the stream.
 pub const CALIB_FIT_STRETCH: u32 = 1;
-/// Both sides have the same scale, with equal bars on two sides.
+/// Width and height of the image have the same scale, with equal bars on two sides of the stream.
 pub const CALIB_FIT_LETTERBOX: u32 = 2;
 /// Box as upper left corner, width and height.
 pub const CALIB_BOX_CORNER_SIZE: u32 = 0;

@@ -55,8 +55,8 @@ pub(crate) unsafe fn write_handle<T>(to: *mut *mut T, value: T) -> Result<(), Ca
 
 /// Calibrates a site from its annotations and entered values.
 ///
-/// `*solved` receives a new handle of the site with its solutions. A camera that cannot be solved does not
-/// prevent the others; its entry contains the reason.
+/// `*solved` receives a new handle of the site with its solutions, to be freed by `calib_site_free`. A camera that
+/// cannot be solved does not prevent the others from being solved; its entry contains the reason.
 ///
 /// # Safety
 /// `site` is a handle that is not freed during the call, and `*solved` can be written.

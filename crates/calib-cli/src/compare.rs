@@ -425,7 +425,7 @@ fn recover_camera(
         if !found.left_out.is_empty() {
             let names = shortened_list(found.left_out.iter().map(String::as_str));
             print_message(format_args!(
-                "calib: camera \"{}\": annotations left out, not found in the newer image: {names}",
+                "calib: camera \"{}\": annotations left out because they were not found in the newer image: {names}",
                 of.id
             ));
         }

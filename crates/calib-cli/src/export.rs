@@ -98,7 +98,9 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     ));
     if !export.unsolved.is_empty() {
         let ids = export.unsolved.join(", ");
-        let what = format!("cameras left out because they are not calibrated: {ids}");
+        let what = format!(
+            "cameras left out because they are not calibrated: {ids}; calib solve reports the reasons"
+        );
         return Err(CommandError::Unsolved(what));
     }
     Ok(())

@@ -86,8 +86,8 @@ enum Command {
     /// Map tables of detections to the floor, or 3D points to pixels (CSV, NDJSON, Arrow, Parquet)
     #[cfg(feature = "archives")]
     Project(Box<project::Args>),
-    /// Print size, scale, pages and layers of a floor plan (PDF, DXF, SVG, image), or write the plan as a
-    /// picture or into a site
+    /// Print size, scale, pages and layers of a floor plan (PDF, DXF, SVG, image), or write the plan as an
+    /// image or into a site
     Plan(plan::Args),
     /// Write an image without lens distortion, or virtual views in any direction (PNG, or JPEG for .jpg)
     Undistort(undistort::Args),
@@ -96,7 +96,7 @@ enum Command {
     Render(render::Args),
     /// Quality gate: exit 4 if a camera is unsolved, or a camera or the site exceeds a limit
     Check(check::Args),
-    /// From detections of people, find cameras that were moved, since when and by how much; exit 4 if any
+    /// Find which cameras were moved, when, and by how much, from detections of people; exit 4 if any were
     /// moved
     #[cfg(feature = "archives")]
     Watch(watch::Args),

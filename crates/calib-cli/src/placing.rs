@@ -34,10 +34,10 @@ pub(crate) fn place(
 
 /// Returns the lines of the text report.
 pub(crate) fn text(placement: &SitePlacement, site: &Site) -> String {
-    let mut out = format!("places: {}: {}\n", confidence(placement.is_complete), placement.reason);
+    let mut out = format!("placement: {}: {}\n", confidence(placement.is_complete), placement.reason);
     for group in &placement.groups {
         let names: Vec<&str> = group.iter().map(|&camera| site.cameras[camera].id.as_str()).collect();
-        out.push_str(&format!("  together: {}\n", names.join(", ")));
+        out.push_str(&format!("  placed relative to each other: {}\n", names.join(", ")));
     }
     out
 }

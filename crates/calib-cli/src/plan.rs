@@ -49,7 +49,7 @@ pub(crate) struct Args {
     /// Height of the walls of --walls, in metres [default: higher than every camera]
     #[arg(long, value_name = "M", value_parser = wall_height, requires = "walls")]
     wall_height_m: Option<f64>,
-    /// File to write: a picture (PNG, or JPEG for .jpg), or with --site the site with this plan; - is stdout
+    /// File to write: an image (PNG, or JPEG for .jpg), or with --site the site with this plan; - is stdout
     #[arg(short, long, value_name = "FILE")]
     output: Option<String>,
     /// Overwrite the output file

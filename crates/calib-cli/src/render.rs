@@ -66,7 +66,12 @@ pub(crate) fn camera_view(
     // A second grid would hide the colours of the error.
     let mut svg = overlay(&file.site, entry, lens_grid || (!sigma && is_lens_estimated(entry)));
     if sigma {
-        let not_calibrated = || CommandError::Unsolved(format!("camera \"{}\" is not calibrated", entry.id));
+        let not_calibrated = || {
+            CommandError::Unsolved(format!(
+                "camera \"{}\" is not calibrated; calib solve reports the reason",
+                entry.id
+            ))
+        };
         let camera = entry.camera().ok_or_else(not_calibrated)?;
         sigma_map::shade(&mut image, &mut svg, entry, &camera);
     }

@@ -251,7 +251,10 @@ impl SiteFile {
         let name = camera.image.as_deref().ok_or_else(|| {
             CommandError::invalid(
                 &self.path,
-                format!("camera \"{}\" has no image, but this command needs one", camera.id),
+                format!(
+                    "camera \"{}\" has no image, but this command needs one; enter its path as \"image\"",
+                    camera.id
+                ),
             )
         })?;
         let bytes = self.image_bytes(name)?;

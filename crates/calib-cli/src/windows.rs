@@ -119,7 +119,8 @@ fn lens_and_focal(entry: &SiteCamera) -> Result<(Lens, f64), CommandError> {
     let lens = camera_lens(entry);
     let own = (lens.distortion != Distortion::None).then_some(lens.focal);
     let focal = entry.solution.as_ref().map(|solution| solution.focal_px).or(own);
-    let unknown = || format!("the focal length of camera \"{}\" is unknown; see calib solve", entry.id);
+    let unknown =
+        || format!("the focal length of camera \"{}\" is unknown; calib solve reports the reason", entry.id);
     Ok((lens, focal.ok_or_else(|| CommandError::Unsolved(unknown()))?))
 }
 
@@ -141,7 +142,10 @@ pub(crate) fn run(
     let (width, height) = image.dimensions();
     let reach = lens_reach(&lens, focal, [f64::from(width), f64::from(height)]);
     let windows = args.windows(mount, reach).ok_or_else(|| {
-        CommandError::Usage("this lens does not allow a panorama; use --look or --quadrants".into())
+        CommandError::Usage(format!(
+            "the lens of camera \"{}\" does not allow a panorama; use --look or --quadrants",
+            entry.id
+        ))
     })?;
     if windows.len() > 1 && output.is_stdout() {
         return Err(CommandError::Usage("several views cannot be written to stdout; give -o FILE".into()));
@@ -234,7 +238,7 @@ impl View<'_> {
         let (id, reach) = (&self.entry.id, self.reach.to_degrees());
         Err(CommandError::Usage(format!(
             "a requested view is outside the image of camera \"{id}\", which reaches only {reach:.0}\u{b0} \
-             from the axis of the lens"
+             from the axis of the lens; choose a direction closer to the axis"
         )))
     }
 

@@ -73,7 +73,7 @@ impl Element<'_> {
         !self.is_rejected && !self.is_off
     }
 
-    /// Returns the RMS distance of the camera with the largest one, in pixels.
+    /// Returns the largest RMS distance of all views, in pixels.
     #[must_use]
     pub fn worst_px(&self) -> f64 {
         self.views.iter().map(View::px).fold(0.0, f64::max)

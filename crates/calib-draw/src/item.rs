@@ -14,7 +14,7 @@ pub struct AnnotatedLine {
     pub annotation: usize,
     /// Index of the line in its annotation.
     pub segment: usize,
-    /// Whether the operator switched the annotation, link or mark off.
+    /// Whether the operator switched the annotation off.
     pub is_off: bool,
     /// Whether the line is rejected as an outlier.
     pub is_outlier: bool,
@@ -31,7 +31,7 @@ pub struct ElementStatus {
     pub camera: Option<usize>,
     /// Whether the link or mark contradicts other observations and is not used.
     pub is_rejected: bool,
-    /// Whether the operator switched the annotation, link or mark off.
+    /// Whether the operator switched the link or mark off.
     pub is_off: bool,
 }
 

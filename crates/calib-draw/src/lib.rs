@@ -2,8 +2,8 @@
 //! report).
 //!
 //! A painter passes layers to [`on_image`] or [`on_plan`], which return items with geometry and [`Meaning`].
-//! [`Look`] maps a meaning to colour, width and dash. A new kind of annotation that is drawn as
-//! lines needs only an entry in [`KIND_LOOKS`]; no painter changes. Items are polylines, points and labels, in raw pixels or floor metres.
+//! [`Look`] maps a meaning to colour, width and dash. A new kind of annotation that is drawn as lines needs only an
+//! entry in [`KIND_LOOKS`]; no painter changes. The geometry of items is in raw pixels or floor metres.
 //! The app adds handles, hover and gestures. The painter places signs of constant screen size on its lines
 //! with [`place_sign`]. The files in data-flow order:
 //!

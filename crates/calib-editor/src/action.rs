@@ -44,7 +44,7 @@ pub struct NewImage {
     pub size: [u32; 2],
     /// Image circle of a fisheye lens, if detected: the image is black outside it.
     pub image_circle: Option<ImageCircle>,
-    /// Pixel aspect `fy / fx` that the video of the image states; `None` for square pixels.
+    /// Pixel aspect `fy / fx` from the metadata of the video of the image; `None` for square pixels.
     pub pixel_aspect: Option<f64>,
 }
 
@@ -105,7 +105,7 @@ pub enum Action {
     /// Sets the quantity of the tool *Measure* and the height of its points. A measurement in progress is discarded if
     /// the quantity changes.
     Ruler(RulerSettings),
-    /// Discards the two points of the plan that were measured, because their distance was entered.
+    /// Discards the two points that were measured on the plan, after their distance was entered.
     ClearMeasurement,
 
     /// Selects the camera with this index.
@@ -116,7 +116,8 @@ pub enum Action {
     Select(Part),
     /// Adds a part to the selection, or removes it if it is selected.
     SelectMore(Part),
-    /// Selects the part at a pixel of a camera's image, unless it is already selected.
+    /// Selects a camera and the part at a pixel of its image, unless the part is already selected. Without a part
+    /// there, clears the selection.
     SelectAt {
         /// Index of the camera.
         camera: usize,

@@ -322,8 +322,7 @@ mod tests {
         let after = agreements(&moved, camera, &poses);
         let after = after.into_iter().find(|found| found.other == before.other).unwrap();
         let [then, now] = [&before, &after].map(|found| found.distance.unwrap().metres);
-        // All floor points of the camera moved by half a metre: the distance grows by at least that less the
-        // old distance.
+        // All floor points of the camera moved by 0.5 m, so the new distance is at least 0.5 m minus the old one.
         assert!(now > then && now >= 0.5 - then - 1e-6, "{before:?}, {after:?}");
         assert_eq!(after.distance_before_m, before.distance_before_m);
     }

@@ -208,7 +208,7 @@ commands! {
     /// Commands on newer images.
     Newer {
         CompareStill "Compare with a newer image of this camera\u{2026}" [Camera] SHIFT C;
-        NextLook "Switch the comparison: old, new, alternating, wipe" [Newer] SHIFT B;
+        NextLook "Switch the comparison: wipe, blink, new, old" [Newer] SHIFT B;
         Recover "Recover: transfer the annotations to the newer image and solve" [Moved] SHIFT R;
         DismissNewer "Discard the newer image" [Newer];
     }
@@ -249,7 +249,7 @@ commands! {
         Horizon "Show or hide the horizon";
         Field "Show or hide the field of view";
         Prism "Show or hide the prism (field of view, up to 2 m high)";
-        Guide "Show or hide the person at the cursor";
+        Guide "Show or hide the person at the pointer";
         ColourByResidual "Colour lines by kind or by error";
         Above "Show or hide the top view of the floor" NONE Y;
         Coverage "Show or hide the pixel density on the plan";

@@ -235,7 +235,8 @@ pub(crate) fn remove_dangling_distances(site: &mut Site) {
     site.distances.retain(|distance| distance.between.iter().all(|id| ids.contains(id)));
 }
 
-/// Deletes a part of a camera's own annotations. Incomplete annotations stay until `remove_incomplete`.
+/// Deletes a part of a camera entry: of an annotation, of the field of view, or a control point. Incomplete
+/// annotations stay until `remove_incomplete` removes them.
 fn delete_part(entry: &mut SiteCamera, part: Part) {
     match part {
         Part::Vertex { annotation, segment, vertex } => {
@@ -433,7 +434,7 @@ impl Session {
         match names.len() {
             0 => "nothing".into(),
             1..=3 => names.into_iter().collect::<Vec<_>>().join(", "),
-            count => format!("{count} parts"),
+            count => format!("{count} items"),
         }
     }
 }

@@ -211,7 +211,7 @@ impl Editor {
             self.preview = None;
             return None;
         };
-        // During a gesture the last result is kept, because the search would be too slow.
+        // During a gesture the last preview is kept, because computing a new one would be too slow.
         let is_known = |preview: &Preview| preview.is_current(entry, proposed) || !self.tool().is_idle();
         if !self.preview.as_ref().is_some_and(is_known) {
             self.preview = Some(Preview::new(entry, session.pose(), proposed));

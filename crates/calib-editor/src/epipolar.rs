@@ -126,7 +126,8 @@ pub fn missing_search_line(session: &Session, link: &Link, camera: usize) -> Opt
 /// Assumed height of a post whose height is unknown, in metres.
 const DEFAULT_POST_HEIGHT_M: f64 = 2.0;
 
-/// Returns the ray of `pixel` above a plane, as its lowest and highest point.
+/// Returns the ray of `pixel` above a plane, as its lowest and highest point. `height` is the height of the link
+/// above the plane, in metres. If it is negative, the ray starts at this height instead of at the plane.
 fn ray(camera: &Camera, pixel: Pixel, plane: &Plane, height: f64) -> Option<Vec<WorldPoint>> {
     /// Largest assumed height of objects above their plane, in metres.
     const MAX_OBJECT_HEIGHT_M: f64 = 6.0;

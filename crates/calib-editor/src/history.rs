@@ -141,7 +141,7 @@ fn without_cameras(site: &Site) -> Site {
 /// Undo step: a gesture with the state of the site after it.
 #[derive(Clone, Debug)]
 struct Step {
-    /// Name of the gesture, as shown after "Undo": "move V2".
+    /// Name of the gesture, as shown after "Undo", for example "move V2".
     name: String,
     after: Snapshot,
     /// Undecided automatic calibrations after the gesture.
@@ -233,8 +233,8 @@ impl History {
         true
     }
 
-    /// Joins the last step with the step before it. `name` returns the name of the joined step; its argument is the
-    /// number of cameras that both steps added.
+    /// Joins the last step with the step before it. `name` returns the name of the joined step. Its argument is the
+    /// number of cameras that the two steps added together.
     pub(crate) fn join_last(&mut self, name: impl FnOnce(usize) -> String) {
         let Some(before) = self.done.checked_sub(2) else { return };
         let earlier = before.checked_sub(1).map_or(&self.first, |index| &self.steps[index].after);

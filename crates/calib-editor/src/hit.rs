@@ -1,4 +1,4 @@
-//! Search for the part of an image near the pointer. It depends only on the site and a pixel.
+//! Search for the part of an image near the pointer. Independent of the user interface.
 
 use std::collections::BTreeSet;
 
@@ -183,8 +183,8 @@ pub fn mark_at(site: &Site, pose: &Camera, at: Pixel, radius: f64) -> Option<Hit
     hits.filter(|hit| hit.distance <= radius).min_by(|a, b| a.distance.total_cmp(&b.distance))
 }
 
-/// Returns the index of the edge of a line that is closest to a raw pixel, and the distance in pixels. Edges
-/// are curved by the distortion of the lens.
+/// Returns the index of the edge of a line that is closest to a raw pixel, and the distance in pixels. With a fisheye
+/// lens, edges are curved by its distortion; otherwise they are straight.
 #[must_use]
 pub fn nearest_drawn(lens: &Lens, line: &[Pixel], at: Pixel) -> Option<(usize, f64)> {
     if !lens.distortion.is_wide() {

@@ -183,7 +183,8 @@ impl Images {
         }
     }
 
-    /// Returns the site with stored images as `data:` URIs, and other image paths relative to `folder`.
+    /// Returns the site with stored images as `data:` URIs, and other image paths relative to `folder`. If the site
+    /// has no folder, images that `missing` renders are also `data:` URIs.
     #[must_use]
     pub fn embed_into(&self, site: &Site, folder: Option<&Path>) -> Site {
         let mut site = site.clone();
@@ -202,7 +203,7 @@ impl Images {
     /// Returns an image as a `data:` URI for embedding in a page, and its bytes; `read` reads files.
     ///
     /// # Errors
-    /// The file is missing and cannot be rendered.
+    /// The file cannot be read and the image cannot be rendered, or its format cannot be converted for browsers.
     pub fn embedded(&self, name: &str, read: ReadFile) -> FileResult<(String, Arc<[u8]>)> {
         let bytes = shown_by_browsers(self.reader(name).read(read)?)?;
         Ok((data_uri(mime_of(&bytes), &bytes), bytes))
@@ -297,7 +298,7 @@ impl Source {
     /// Reads the bytes of the image; `read` reads files. A missing file is rendered if possible.
     ///
     /// # Errors
-    /// The file is missing and cannot be rendered.
+    /// The file cannot be read, and the image cannot be rendered.
     pub fn read(self, read: ReadFile) -> FileResult<Arc<[u8]>> {
         match (&self.stored, self.missing) {
             (Some(bytes), _) => Ok(Arc::clone(bytes)),
@@ -358,7 +359,7 @@ fn mime_of(bytes: &[u8]) -> &'static str {
 /// Converts an image to JPEG if browsers do not support its format; otherwise returns it unchanged.
 fn shown_by_browsers(bytes: Arc<[u8]>) -> FileResult<Arc<[u8]>> {
     let is_shown = |(_, mime, head): &(&str, &str, &[u8])| *mime != "image/tiff" && bytes.starts_with(head);
-    // HEIC images have no known first bytes.
+    // Bytes of no known image or video format are taken for an SVG, which browsers support.
     let is_svg = !calib_input::is_image_or_video(&bytes);
     if MIME_TYPES.iter().any(is_shown) || is_svg {
         return Ok(bytes);

@@ -66,8 +66,8 @@ pub fn import_any(files: &[File]) -> Result<(&'static Format, Imported), String>
     Err(format!("Formats tried: {}.", wrong.join("; ")))
 }
 
-/// Returns the lens of a camera, scaled to images of another width and height. The error names a different
-/// aspect ratio.
+/// Returns the lens of a camera, scaled to images of another width and height. Returns an error message if the aspect
+/// ratios differ.
 pub(crate) fn scaled(camera: &SiteCamera, size: [u32; 2]) -> Result<LensEntry, String> {
     let mut lens = camera.lens_of_image().map(Cow::into_owned).unwrap_or_default();
     let ratio = [0, 1].map(|axis| f64::from(size[axis]) / f64::from(camera.size_px[axis].max(1)));

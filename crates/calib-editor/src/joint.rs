@@ -119,8 +119,8 @@ impl Joint {
     }
 
     /// Whether no input of the joint result has changed in a site. The inputs are the solved cameras, the
-    /// cameras that share their lenses, the scene, the planes, and the scale of the plan. They also include
-    /// all links, marks and distances that connect cameras.
+    /// cameras that share their lenses, the scene, the planes, the scale of the plan, the map grid and the
+    /// georeference. They also include all links, marks and distances that connect cameras.
     pub(crate) fn is_current_for(&self, site: &Site) -> bool {
         !self.was_out_of_date
             && self.solved_cameras().all(|known| self.has_same_family(site, known))
@@ -268,8 +268,8 @@ fn has_same_mark_inputs(a: &Mark, b: &Mark) -> bool {
         && (*turn_deg, size_m, seen) == (b.turn_deg, &b.size_m, &b.seen)
 }
 
-/// Links, marks and distances that connect cameras. A link in one view and a mark without pins connect
-/// nothing, unless a distance to them is measured.
+/// Links, marks and distances that connect cameras. A link in one view counts only if a distance to it is measured or
+/// if it has map coordinates. A mark without pins counts only if a distance to it is measured.
 #[derive(Debug)]
 struct Connections<'a> {
     links: Vec<&'a Link>,

@@ -8,8 +8,8 @@ use crate::refine::refined;
 use crate::session::Session;
 
 impl Session {
-    /// Repeats the joint solve after a gesture if it is fast enough. A placement by hand is not overwritten.
-    /// The joint result is then out of date until the operator runs the joint solve again.
+    /// Repeats the joint solve after a gesture if it is fast enough. After a placement by hand it is not repeated, so
+    /// that the placement is kept. The joint result is then out of date until the operator runs the joint solve.
     pub(crate) fn refine_if_fast(&mut self) {
         let may = self.live.was_joint_current && self.solved.is_joint_out_of_date() && !self.solved.paused;
         if !may || self.live.last_joint_solve_ms > self.live.max_joint_solve_ms || self.is_placed_by_hand() {
@@ -19,12 +19,11 @@ impl Session {
         let refined = refined(self.site.clone());
         self.live.last_joint_solve_ms = start.elapsed().as_secs_f64() * 1e3;
         self.apply_refined(&refined);
-        // The cameras are updated without keeping polygons in place: the joint solve determines their
-        // positions.
+        // The field-of-view polygons are not kept in place, because the joint solve determines the camera positions.
         self.solved.update(&self.site);
     }
 
-    /// Whether the current gesture moves a camera on the floor without changing its annotations.
+    /// Whether the current gesture moves a camera on the floor without changing its annotations or its lens.
     fn is_placed_by_hand(&self) -> bool {
         let moved = |(index, camera): (usize, &SiteCamera)| {
             let before = self.live.settled_cameras.get(index).filter(|before| before.id == camera.id);

@@ -82,7 +82,7 @@ pub fn valid_since(session: &Session, camera: usize) -> Option<u64> {
     u64::try_from(nanoseconds(&valid_from)? / 1_000_000_000).ok()
 }
 
-/// Returns the time (RFC 3339) in the name of an image of the session, if the name states the second.
+/// Returns the time (RFC 3339) in the name of an image of the session, if the name contains the time to the second.
 pub(crate) fn image_time(session: &Session, image: &str) -> Option<String> {
     second_in_name(&session.images.shown_name(image))
 }
@@ -99,7 +99,7 @@ pub(crate) fn nanoseconds(time: &str) -> Option<i64> {
     entry.period_ns().ok().map(|[from, _]| from)
 }
 
-/// Newer image of a camera that is shown under the pointer.
+/// Newer image of a camera, if the canvas shows it under the pointer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NewerUnderPointer {
     /// Name under which the session stores the newer image.

@@ -28,7 +28,7 @@ impl Session {
             let (fixed, held) = own.map_or_else(Default::default, |own| (own.fixed, own.held));
             let entry = rounded(placement);
             let scale = entry.scale.filter(|_| says_scale);
-            // Without a scale, a placement by hand replaces everything that was estimated.
+            // Position and rotation are now set by hand, so only an unchanged stored scale is still an estimate.
             let estimated = !is_scaled && scale.is_some() && own.is_some_and(|entry| entry.estimated);
             camera.placement = Some(PlacementEntry { fixed, held, scale, estimated, ..entry });
         }

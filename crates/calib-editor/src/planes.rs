@@ -14,7 +14,7 @@ use crate::epipolar::post_length;
 use crate::hit::Part;
 use crate::session::Session;
 
-/// Action on planes; each is one undo step.
+/// Action on planes. Each change of the site is one undo step.
 #[derive(Clone, Debug)]
 pub enum PlaneAction {
     /// Selects the plane with this index, or none. The region tool draws the region of the selected plane.
@@ -133,7 +133,8 @@ fn has_field(parts: &BTreeSet<Part>) -> bool {
     parts.iter().any(|part| matches!(part, Part::Field | Part::Corner(_)))
 }
 
-/// Returns the estimated world position of the link or mark with this id, from the cameras that show it.
+/// Returns the world position of the link or mark with this id, in metres. The position of a link is the joint
+/// estimate, otherwise the mean of the positions according to the placed cameras that show it.
 #[must_use]
 pub fn estimated_position(session: &Session, id: &str) -> Option<WorldPoint> {
     let is_own = |own: &Option<String>| own.as_deref() == Some(id);

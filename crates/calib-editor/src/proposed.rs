@@ -244,7 +244,7 @@ impl PendingCalibration {
     }
 
     /// Returns the indices of the group and of the line nearest to a raw pixel. `None` if no line is within
-    /// `radius` pixels. Lines are curved by the distortion of the lens.
+    /// `radius` pixels. With a fisheye lens, lines are curved by its distortion.
     #[must_use]
     pub fn line_at(&self, lens: &Lens, at: Pixel, radius: f64) -> Option<(usize, usize)> {
         let lines = self.groups.iter().enumerate().flat_map(|(group, of)| {
@@ -424,8 +424,8 @@ impl Preview {
     }
 }
 
-/// Returns the camera with its annotations and its known lens only, so that it can be solved without other
-/// cameras.
+/// Returns the camera without its placement and its control points, and with a copy of a shared lens. It can then be
+/// solved without other cameras.
 fn without_links(entry: &SiteCamera, pose: Option<&Camera>) -> SiteCamera {
     let like = entry.lens.as_ref().is_some_and(|lens| lens.like.is_some());
     SiteCamera {
@@ -438,7 +438,8 @@ fn without_links(entry: &SiteCamera, pose: Option<&Camera>) -> SiteCamera {
     }
 }
 
-/// Returns the lens of a pose as a lens entry.
+/// Returns the lens entry of a camera, with the distortion of `pose` entered as known and without a reference to
+/// another camera's lens. `None` if the entry has no values.
 fn fixed_lens(entry: &SiteCamera, pose: Option<&Camera>) -> Option<LensEntry> {
     let own = entry.lens_of_image().map(Cow::into_owned).unwrap_or_default();
     let distortion = pose.and_then(|pose| {

@@ -13,8 +13,8 @@ use crate::hit::Part;
 
 pub use calib_image::SNAP_RADIUS_PX;
 
-/// Moves every line that contains any of these parts onto the nearest image edge. With a lens, the edge is a
-/// curve. Returns the number of lines that were moved.
+/// Moves every line that contains any of these parts onto the nearest image edge. With a lens, the edge of a line of
+/// two points is a curve, the image of a straight edge. Returns the number of lines that were moved.
 pub(crate) fn pull_parts(
     site: &mut Site,
     camera: usize,
@@ -28,7 +28,7 @@ pub(crate) fn pull_parts(
     pull_points(site, camera, &points, lens, image)
 }
 
-/// Length of the part of a line whose edge determines the position of one end, in raw pixels.
+/// Length of the part of a line, next to the end that is moved, that is compared with the image, in raw pixels.
 const END_LENGTH_PX: f64 = 60.0;
 
 /// Returns the end `at` of a line from `other`, moved onto the image edge under it that runs along the line. Only the

@@ -236,7 +236,7 @@ impl Solved {
         Some(ActiveJoint { joint, camera_indices: self.joint[joint].1.camera_indices(site), is_current })
     }
 
-    /// Stores the results of a joint solve for this site.
+    /// Stores the results of a joint solve, and marks them as those on which the site is based.
     pub(crate) fn add_joint(&mut self, joint: Joint) {
         if self.joint.len() >= MAX_JOINT_RESULTS {
             self.joint.remove(0);

@@ -70,7 +70,8 @@ pub fn coverage_geojson(site: &Site, coverage: &SiteCoverage<'_>) -> String {
             "area_m2": "floor that both cameras see, in square metres",
             "disagreement_m": "expected RMS distance between the positions that the two cameras compute for one \
                 target, in metres; null if unknown",
-            "worst_disagreement_m": "the same at the worst point of the zone",
+            "worst_disagreement_m": "expected RMS distance between these positions at the worst point of the zone, \
+                in metres; null if unknown",
             "level": "visible: highest level that the best camera reaches; area: required level",
             "share": "share of the area that reaches the level, from 0 to 1",
             "blind_share": "share of the area that no camera sees, from 0 to 1",

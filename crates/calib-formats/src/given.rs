@@ -264,7 +264,7 @@ pub(crate) fn intrinsics_from_matrix(k: &[[f64; 3]; 3], place: &str) -> Result<I
         return Err(FormatError::new(place, Problem::InvalidIntrinsics));
     }
     if skew.abs() > 1e-3 * fx.abs() {
-        return Err(FormatError::expected(place, format!("a skew of {skew}"), "square pixels"));
+        return Err(FormatError::expected(place, format!("a skew of {skew}"), "a skew near 0"));
     }
     Ok(Intrinsics { k: [fx, fy, cx, cy], skew })
 }

@@ -273,7 +273,7 @@ impl Points {
         }
         let count = self.list.len();
         let mut notes = vec![format!(
-            "{} to click in the images, in the panel \"Points to click\" of the app",
+            "imported {}; click each one in the images, in the panel \"Points to click\" of the app",
             calib_site::counted(count, "point", "points")
         )];
         let needs_sigma = |point: &GroundPoint| point.sigma_m.is_none() && point.world_m.is_none();

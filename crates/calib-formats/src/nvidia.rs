@@ -214,7 +214,7 @@ fn centred(
     let shifted = |row: [f64; 4], side: u32| std::array::from_fn(|j| row[j] + 0.5 * f64::from(side) * c[j]);
     let (k, pose) = decompose_projection(&[shifted(a, width), shifted(b, height), c], node.place())?;
     notes.push(format!(
-        "{OLD_KEY} of {}: pixels are read from the centre of the image of {width} x {height} px",
+        "{OLD_KEY} of {}: pixels are read relative to the centre of the image ({width} x {height} px)",
         quoted(id)
     ));
     let camera = ImportedCamera::new(id, node.place(), k);

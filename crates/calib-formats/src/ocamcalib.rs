@@ -82,7 +82,7 @@ fn lines(file: &File) -> Result<Vec<Line>, FormatError> {
 fn lens(file: &File, notes: &mut Vec<String>) -> Result<ImportedCamera, FormatError> {
     let lines = lines(file)?;
     let [direct, inverse, centre, affine, size] = &lines[..] else {
-        let found = format!("{} lines of numbers", lines.len());
+        let found = calib_site::counted(lines.len(), "line of numbers", "lines of numbers");
         let expected = "five: both polynomials, centre, affine parameters and size of the image";
         return Err(FormatError::expected(&file.name, found, expected));
     };

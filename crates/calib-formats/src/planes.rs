@@ -31,14 +31,15 @@ impl Export {
         if ids.is_empty() {
             return;
         }
-        let ids = ids.join(", ");
+        let noun = if ids.len() == 1 { "plane" } else { "planes" };
+        let planes = format!("{noun} {}", ids.join(", "));
         match treatment {
             PlaneTreatment::Written => {}
             PlaneTreatment::Misleading => self.losses.push(Loss {
                 camera: None,
-                description: format!("the planes {ids}: their pixels are mapped to the floor behind them"),
+                description: format!("{planes}: pixels are mapped to the floor instead"),
             }),
-            PlaneTreatment::LeftOut => self.notes.push(format!("the planes {ids} are not exported")),
+            PlaneTreatment::LeftOut => self.notes.push(format!("not exported: {planes}")),
         }
     }
 }

@@ -247,7 +247,9 @@ impl<'a> Node<'a> {
     pub(crate) fn unexpected(&self, wanted: &str) -> FormatError {
         let found = match self.value {
             Value::String(text) => quoted(text),
-            Value::Array(items) => format!("a list of {}", items.len()),
+            Value::Array(items) => {
+                format!("a list of {}", calib_site::counted(items.len(), "item", "items"))
+            }
             Value::Object(_) => "an object".into(),
             other => other.to_string(),
         };

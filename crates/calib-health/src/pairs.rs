@@ -237,7 +237,7 @@ fn dispersion(claimed: &NormalEquations, variance: &DMatrix<f64>) -> DMatrix<f64
         let half = root.solve_lower_triangular(variance)?;
         root.solve_lower_triangular(&half.transpose())
     });
-    // Prevents an estimate much smaller than the claimed variance.
+    // The added term prevents an estimate much smaller than the claimed variance.
     found.map_or_else(|| identity.clone(), |found| found + &identity * MIN_DISPERSION)
 }
 

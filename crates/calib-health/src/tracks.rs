@@ -6,7 +6,8 @@
 //! `a ~ N(0, PERSON_SIGMA^2)`, and the deviation of the box is `e ~ N(0, BOX_SIGMA^2)`.
 //!
 //! Let `w` be the weights of a robust estimate ([`Height`]), `W` their sum and `k = PERSON_SIGMA^2 /
-//! (BOX_SIGMA^2 + W PERSON_SIGMA^2)`. The normal equations of `b` are (Harville 1977)
+//! (BOX_SIGMA^2 + W PERSON_SIGMA^2)`. If errors of the boxes are correlated, `BOX_SIGMA^2` is multiplied by the
+//! number of boxes for each independent box. The normal equations of `b` are (Harville 1977)
 //!
 //! ```text
 //! H = (sum w f f' - k (sum w f) (sum w f)') / BOX_SIGMA^2

@@ -80,8 +80,8 @@ pub struct WalkResult {
     pub smallest_detectable: Vec<[f64; ERROR_PARAMS]>,
     /// Ratio of the measured to the assumed noise variance of the walker's feet in the images.
     pub noise_ratio: f64,
-    /// For each camera, the number of sightings that share their time with another sighting of this camera. A
-    /// walk with only one person has none.
+    /// For each camera, the number of sightings beyond the first one at the same time. A walk with only one
+    /// person has none.
     pub crowded_moments: Vec<usize>,
 }
 
@@ -190,7 +190,7 @@ impl Walk {
     }
 }
 
-/// Returns the number of sightings of a camera that share their time with another sighting.
+/// Returns the number of sightings of a camera beyond the first one at the same time.
 fn crowded(seen: &[Sighting]) -> usize {
     let mut times: Vec<i64> = seen.iter().map(|sighting| sighting.at).collect();
     times.sort_unstable();

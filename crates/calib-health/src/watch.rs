@@ -30,9 +30,9 @@ use crate::windows::Windows;
 
 /// Threshold of the statistic above which a camera counts as moved.
 ///
-/// Changes are tested at all times and for many parameters, and heights of people are not normally
-/// distributed. On 15 of 18,000 simulated camera days without a movement the statistic was larger. The
-/// ignored test of `tests/watch.rs` counts them.
+/// Changes are tested at all times and for many parameters, and heights of people are not normally distributed.
+/// On 15 of 18,000 simulated camera days without a movement the statistic was larger. An ignored test of
+/// `tests/watch.rs` repeats the count, by default on 6,000 camera days.
 pub(crate) const ALARM: f64 = 4.8;
 /// Weights of the evidence for pan, tilt, roll and zoom. Without weights, the 99.9 % quantiles on 6,000 of
 /// the simulated camera days of [`ALARM`] were 3.4, 6.3, 4.1 and 6.6 standard deviations.

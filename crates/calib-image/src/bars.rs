@@ -28,7 +28,7 @@ const MAX_BRIGHTNESS: u8 = 40;
 const MAX_RANGE: u8 = 20;
 /// Smallest thickness of a bar, as a fraction of the width or height of the image.
 const MIN_FRACTION: f64 = 0.02;
-/// Largest width of a bar, as a fraction of the image.
+/// Largest thickness of a bar, as a fraction of the width or height of the image.
 const MAX_FRACTION: f64 = 0.45;
 /// Smallest increase of the brightness from a bar to the picture at a pixel of the border between them, 0 to 255.
 const MIN_STEP: u8 = 24;
@@ -83,7 +83,7 @@ impl Bars {
         [w.saturating_sub(self.left + self.right), h.saturating_sub(self.top + self.bottom)]
     }
 
-    /// Whether a pixel is in the picture, and not at the end of a bar.
+    /// Whether a raw pixel is in the picture, beyond the blurred ends of the bars.
     #[must_use]
     pub fn is_in_picture(self, at: Pixel, [w, h]: [u32; 2]) -> bool {
         let is_inside = |at: f64, size: u32, before: u32, after: u32| {

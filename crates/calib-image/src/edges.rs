@@ -126,7 +126,7 @@ fn measure(image: &RgbImage, edge: Edge) -> LineSegment {
 /// `-c / 4` if `x` is in units of the length. With `m` independent samples of the standard deviation `r`,
 /// evenly spaced over the length, `c` has the standard deviation `r sqrt(180 / m)`.
 fn measure_rise(FoundEdge { samples, searched, .. }: &FoundEdge, length: f64) -> Option<Rise> {
-    /// Number of fits, each to the samples near the parabola before.
+    /// Number of fits, each to the samples near the line or parabola of the previous fit.
     const ROUNDS: usize = 4;
     let row = |[s, _]: &[f64; 2]| {
         let x = s / length - 0.5;

@@ -2,7 +2,7 @@
 
 use image::RgbImage;
 
-/// Share of the images in which a busy pixel is covered.
+/// Smallest share of the images, 0 to 1, in which a moving object covers a busy pixel.
 const BUSY: f64 = 1.0 / 3.0;
 
 /// Image of a scene without the objects that move.
@@ -10,9 +10,9 @@ const BUSY: f64 = 1.0 / 3.0;
 pub struct EmptyScene {
     /// Median of every colour of every pixel.
     pub image: RgbImage,
-    /// Whether a moving object covered each pixel in some of the images, row by row.
+    /// Whether a moving object covered each pixel in at least one image, row by row.
     pub changed: Vec<bool>,
-    /// Share of these pixels, 0 to 1.
+    /// Share of the pixels, 0 to 1, that moving objects covered in at least one image.
     pub changed_share: f64,
     /// Share of the pixels, 0 to 1, that moving objects covered in at least a third of the images. The median may show
     /// parts of the objects there.

@@ -44,7 +44,7 @@ pub fn image_circle(image: &RgbImage) -> Option<ImageCircle> {
         |circle: &ImageCircle, at: &Pixel| (circle.centre().distance(*at) - circle.radius).abs() < near;
     let on = |circle: &ImageCircle| places.iter().filter(|at| is_on(circle, at)).count();
     let triple = |number: usize| {
-        // The steps have no common divisor, so that no two triples are equal.
+        // The three indices advance by different steps, so that the triples differ.
         let [i, j, k] = [number, number * 7 + 3, number * 31 + 11].map(|of| of * 37 % places.len().max(1));
         circle_through([*places.get(i)?, *places.get(j)?, *places.get(k)?])
             .filter(|circle| is_likely(circle, size))

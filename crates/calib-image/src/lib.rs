@@ -5,11 +5,13 @@
 //! with the origin at the top left corner of the image, as in `calib-core`. The modules, in data-flow order:
 //!
 //! - `xor_shift`: pseudo-random numbers;
-//! - `line_segment`, `edges`: straight edges, detected or along an annotated line;
+//! - `line_segment`: straight edge with its standard deviation;
 //! - `pull`: lines snapped to the edge along them;
+//! - `edges`: detection of straight edges;
 //! - `image_circle`: the circle that a fisheye lens fills;
 //! - `bars`: black bars at the sides of an image;
 //! - `empty_scene`: median of several images, without the objects that move;
+//! - `shrunk`: smaller copies of images;
 //! - `proposal`: automatic calibration from edges;
 //! - `compare`: change of a camera between two images, and recovery after a rotation;
 //! - `registration`: relative poses of the cameras of a site, from the colours of their images.

@@ -55,15 +55,15 @@ pub fn time_in_name(name: &str) -> Option<String> {
     first_time(name).map(|found| found.time.to_string())
 }
 
-/// Returns the time in the name of an image, as [`time_in_name`], if the name states the second.
+/// Returns the time in the name of an image, as [`time_in_name`], if the name contains the second.
 #[must_use]
 pub fn second_in_name(name: &str) -> Option<String> {
     first_time(name).filter(|found| found.has_second).map(|found| found.time.to_string())
 }
 
-/// Returns the name of a frame of a video, without an ending. If the name of the video (without its ending) states the
-/// second at which the video starts, the name of the frame states its own time, in milliseconds. Otherwise the seconds
-/// from the start of the video follow the name.
+/// Returns the name of a frame of a video. `video` is the name of the video; both names are without endings. If the
+/// name of the video contains its start time with the second, the name of the frame contains the time of the frame,
+/// to milliseconds. Otherwise the seconds from the start of the video follow the name.
 #[must_use]
 pub fn frame_name(video: &str, seconds: f64) -> String {
     let named =

@@ -52,7 +52,7 @@ fn check_sizes(bytes: &[u8], info: &ImageInfo) -> Result<(), Error> {
         let (Some(size), Some(codec)) = (&properties.ispe, &properties.hvcc) else { continue };
         let coded = heic_rs::hevc::probe(&codec.parameter_sets())?;
         if [coded.width, coded.height] != [size.width, size.height] {
-            return Err(Error::Malformed("the size of a picture differs from its header"));
+            return Err(Error::Malformed("the size of a coded image differs from its header"));
         }
     }
     Ok(())

@@ -253,7 +253,7 @@ fn stretch(image: &image::ImageBuffer<Rgb<u16>, Vec<u16>>) -> RgbImage {
     })
 }
 
-/// Name of the formats of videos.
+/// Name of all video formats in messages.
 const VIDEO: &str = "a video";
 
 /// Returns the brand of an ISO media file, such as an HEIC image or an MP4 video.
@@ -312,7 +312,7 @@ pub fn is_video(head: &[u8]) -> bool {
 }
 
 /// Whether a file is an image or a video, by its first bytes. Formats that cannot be read are included; [`refusal`]
-/// gives the reason.
+/// returns the reason.
 #[must_use]
 pub fn is_image_or_video(head: &[u8]) -> bool {
     // Some formats begin with two letters, and so do many tables.
@@ -321,7 +321,8 @@ pub fn is_image_or_video(head: &[u8]) -> bool {
     !is_text && (image::guess_format(head).is_ok() || is_heic(head) || is_unsupported)
 }
 
-/// Returns the reason why an image or video cannot be read, from its first bytes: the name of its format, and a way out.
+/// Returns the reason why an image or video cannot be read, from its first bytes: the name of its format, and
+/// advice.
 #[must_use]
 pub fn refusal(head: &[u8]) -> Option<ImageFileError> {
     unsupported(head).map(|(format, advice)| ImageFileError::Unsupported { format, advice })

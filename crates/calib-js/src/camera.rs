@@ -243,13 +243,13 @@ impl Camera {
         doubles(&corners).unchecked_into()
     }
 
-    /// Covariance of the camera's parameters, fourteen rows of fourteen.
+    /// Covariance of the camera's parameters, fifteen rows of fifteen.
     ///
-    /// Their order is x, y, z (metres), yaw, pitch, roll (radians), focal length (pixels of the calibrated
-    /// image), five distortion coefficients in the order of their model, and the principal point u, v (pixels
-    /// of the calibrated image). For a fisheye the fifth distortion parameter is the logarithm of the lens's
-    /// focal length. Rows of fixed parameters are 0. A variance is infinite if it is unknown, for example of
-    /// z if `scaleKnown` is false.
+    /// They are x, y, z (metres), yaw, pitch, roll (radians), and focal length (pixels of the calibrated image). Five
+    /// distortion coefficients follow in the order of their model, then the principal point u, v (pixels of the
+    /// calibrated image) and the pixel aspect. For a fisheye the fifth distortion parameter is the logarithm of the
+    /// lens's focal length. Rows of fixed parameters are 0. A variance is infinite if it is unknown, for example of z
+    /// if `scaleKnown` is false.
     #[wasm_bindgen(getter)]
     #[must_use]
     pub fn covariance(&self) -> Rows {

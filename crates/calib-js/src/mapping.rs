@@ -167,8 +167,8 @@ impl Camera {
     /// Computes the Jacobian of floor points with respect to the parameters of the camera.
     ///
     /// A Schmidt-Kalman filter uses it to include the errors of the calibration, whose covariance is
-    /// `covariance`. Each point has fourteen values of x, then fourteen of y, in metres per unit of the
-    /// parameter; NaN without a floor point.
+    /// `covariance`. Each point has fifteen values of x, then fifteen of y, in metres per unit of the parameter; NaN
+    /// without a floor point.
     ///
     /// # Errors
     /// Throws if the columns have different lengths.

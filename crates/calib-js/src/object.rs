@@ -81,12 +81,12 @@ export interface CalibrateOptions {
 
 #[wasm_bindgen]
 extern "C" {
-    /// Kind of pixels of a camera's methods.
+    /// Options that select the stream whose pixels a camera's methods use.
     #[wasm_bindgen(typescript_type = "StreamOptions")]
     #[derive(Debug)]
     pub type StreamOptions;
 
-    /// Kind of pixels of a camera's methods, and a time.
+    /// Options that select the stream whose pixels a camera's methods use, and the time of the calibration.
     #[wasm_bindgen(typescript_type = "CameraOptions")]
     #[derive(Debug)]
     pub type CameraOptions;

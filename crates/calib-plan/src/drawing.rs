@@ -18,9 +18,9 @@ pub enum DrawingKind {
     Pdf,
     /// Drawing Exchange Format, as text or binary.
     Dxf,
-    /// Format of `AutoCAD` that is not read.
+    /// Drawing format of `AutoCAD`; not supported.
     Dwg,
-    /// TIFF image that is too large for its full resolution.
+    /// TIFF image that is read at a reduced resolution, because it is large.
     LargeTiff,
 }
 
@@ -115,7 +115,7 @@ pub struct DrawingFacts {
     pub paper_metres_per_px: Option<f64>,
     /// Drawing units per pixel of a DXF.
     pub units_per_px: Option<f64>,
-    /// Size of a pixel in the real world, in metres; `None` if the drawing does not state its scale.
+    /// Size of a pixel in the real world, in metres; `None` if the drawing does not contain its scale.
     pub metres_per_px: Option<f64>,
     /// Source of `metres_per_px`.
     pub scale_source: Option<ScaleSource>,

@@ -1,8 +1,8 @@
 //! Reading of large TIFF images, such as orthophotos, with less memory than their pixels need.
 //!
 //! The strips or tiles are decoded one after the other. Each pixel of the picture is the mean of a square of pixels
-//! of the file. The side of the square follows from the size of the file, so that pixel positions in a site file mean
-//! the same place in every program.
+//! of the file. The side of the square follows from the number of pixels of the file, so that pixel positions in a
+//! site file mean the same place in every program.
 
 use std::io::Cursor;
 

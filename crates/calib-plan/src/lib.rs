@@ -1,15 +1,15 @@
 //! Floor plans from drawings: PDF, DXF and SVG.
 //!
-//! A drawing consists of lines, not of pixels. [`read()`] chooses the pixels by a fixed rule, so that pixel positions in a site
-//! file mean the same place in every program:
+//! A drawing consists of lines, not of pixels. [`read()`] chooses the pixels by a fixed rule, so that pixel positions
+//! in a site file mean the same place in every program:
 //!
 //! - PDF: 150 pixels per inch of paper, fewer if a side would exceed 6,144 pixels;
 //! - DXF: a round number of drawing units per pixel, so that the longer side has 3,072 to 4,096 pixels;
 //! - SVG: 3,072 pixels on the longer side;
 //! - TIFF above 60 megapixels: means of squares of pixels, at most 40 megapixels.
 //!
-//! The drawing states its scale: a DXF by its unit, a PDF by a text such as "1:100" and its paper size. Otherwise the
-//! scale is unknown. Nothing is guessed.
+//! The scale of a DXF follows from its unit. The scale of a PDF follows from a text such as "1:100" and the paper
+//! size. Otherwise the scale is unknown; it is not guessed.
 //!
 //! Rule: a file may be hostile. Sizes, nesting and the number of points are limited, and a panic in a library is
 //! an error of the file. The modules, in data-flow order:

@@ -8,7 +8,7 @@ const USUAL: [u32; 28] = [
 
 /// Words before a ratio that is a slope.
 const SLOPES: [&str; 6] = ["slope", "ramp", "fall", "gradient", "gef\u{e4}lle", "neigung"];
-/// Length of the text before a ratio in which these words are searched, in characters.
+/// Length of the text before a ratio in which the words [`SLOPES`] are searched, in characters.
 const MAX_WORD: usize = 16;
 
 /// Returns the different denominators of the scales in a text, in ascending order: 100 for "1:100", and 96 for

@@ -11,7 +11,7 @@ use crate::guard::guarded;
 use crate::part::Part;
 use crate::svg_memory::bytes_to_draw;
 
-/// Longer side of the pixels of an SVG, in pixels. For a corridor of 60 m, one pixel is 2 cm.
+/// Longer side of the image of an SVG, in pixels. For a corridor of 60 m, one pixel is 2 cm.
 pub(crate) const SVG_SIDE: u32 = 3072;
 
 /// Largest side of a part of a drawing, in pixels.
@@ -42,7 +42,7 @@ pub fn rasterise(bytes: &[u8], size: Option<[u32; 2]>) -> Result<RgbImage, PlanE
 ///
 /// # Errors
 ///
-/// As [`rasterise`]; also for a part of an unreasonable size.
+/// Fails if [`rasterise`] would fail, or if a side of the part is not positive or is too long.
 pub fn rasterise_part(svg: Arc<[u8]>, part: &Part) -> Result<RgbImage, PlanError> {
     let Part { whole, low, size, pixels } = *part;
     let is_sensible = size.iter().all(|side| *side > 0.0 && side.is_finite())
@@ -68,7 +68,7 @@ fn draw(tree: &Tree, zoom: Transform, [w, h]: [u32; 2]) -> Result<RgbImage, Plan
         let memory =
             bytes.map_or_else(|| "unlimited memory".into(), |bytes| format!("{:.1} GB", bytes / 1e9));
         return Err(too_large(format!(
-            "its groups with opacity, masks, clips, filters or patterns contain each other and need {memory}; the \
+            "its nested groups with opacity, masks, clips, filters or patterns need {memory}; the \
              limit is {:.1} GB. Flatten it, or export it as PNG",
             MAX_MEMORY_BYTES / 1e9
         )));

@@ -103,7 +103,7 @@ fn unreadable(py: Python<'_>, name: &str, why: &PyErr) -> PyErr {
     value_error(py, None, name, format_args!("expected numbers: {}", why.value(py)))
 }
 
-/// Replaces masked values by NaN. NumPy's own conversion would return the values below the mask.
+/// Replaces masked values by NaN. NumPy's own conversion would ignore the mask.
 fn masked<'py>(value: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyAny>>> {
     if !(value.hasattr("filled")? && value.hasattr("mask")?) {
         return Ok(None);

@@ -18,8 +18,8 @@ use crate::stream::{named, view_of};
 /// Removes the lens distortion from any number of images: ``straight = undistorter(image)``, see `apply`.
 ///
 /// Args:
-///     camera: `Camera` whose stream settings match the images. `Camera.undistorter` also creates an
-/// `Undistorter`.
+///     camera: `Camera` whose stream settings match the images.
+///         `Camera.undistorter` also creates an `Undistorter`.
 ///     view: "same-focal" (the centre keeps its scale), "all-valid" (the largest view without blank pixels)
 ///         or "all-pixels" (the whole image, with blank borders).
 #[pyclass(frozen, module = "calib")]
@@ -200,7 +200,7 @@ impl Camera {
         Ok(Self { id: entry.id.clone(), view, text: single_camera_site(site, entry) })
     }
 
-    /// Returns the map from pixels to the floor.
+    /// Returns the calibrated camera with its field of view and its stream.
     pub(crate) const fn view(&self) -> &CameraView {
         &self.view
     }
@@ -213,7 +213,7 @@ impl Camera {
         })
     }
 
-    /// Returns the map from pixels to the floor, for the pixels that the keywords of a call select.
+    /// Returns the camera for the pixels of the stream that the keywords of a call select.
     pub(crate) fn of<'a>(&'a self, pixels: Option<Keywords<'_, '_>>) -> PyResult<Cow<'a, CameraView>> {
         view_of(&self.id, &self.view, pixels)
     }
@@ -222,8 +222,8 @@ impl Camera {
 /// Constructor of a camera and its arguments, for pickling.
 type Parts<'py> = (Bound<'py, PyAny>, (String, String, Bound<'py, PyDict>));
 
-/// Returns a site with only this camera, without annotations and residuals. Findings about a known scale and
-/// position are kept.
+/// Returns the JSON text of a site with only this camera, without annotations and residuals. Of the warnings, only an
+/// assumed scale and a placement by hand are kept, because they affect the uncertainty.
 fn single_camera_site(site: &Site, entry: &SiteCamera) -> String {
     let tells_use = |code: Code| matches!(code, Code::ScaleAssumed | Code::PlacedByHand);
     let mut camera = SiteCamera::new(entry.id.clone(), entry.size_px);
@@ -413,11 +413,11 @@ impl Camera {
 
     /// Covariance of the camera's parameters, shape (15, 15).
     ///
-    /// Their order is x, y, z (metres), yaw, pitch, roll (radians), focal length (pixels of the calibrated
-    /// image), five distortion coefficients in the order of their model, and the principal point u, v (pixels
-    /// of the calibrated image). For a fisheye the fifth distortion parameter is the logarithm of a separate
-    /// focal length. Rows of fixed parameters are 0. A variance is infinite if it is unknown, for example of
-    /// z if `scale_known` is False.
+    /// They are x, y, z (metres), yaw, pitch, roll (radians), and focal length (pixels of the calibrated image). Five
+    /// distortion coefficients follow in the order of their model, then the principal point u, v (pixels of the
+    /// calibrated image) and the pixel aspect. For a fisheye the fifth distortion parameter is the logarithm of the
+    /// lens's focal length. Rows of fixed parameters are 0. A variance is infinite if it is unknown, for example of z
+    /// if `scale_known` is False.
     #[getter]
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         matrix(py, &self.view.camera().covariance.0)

@@ -7,7 +7,7 @@
 //! - `array`: NumPy arrays as columns of doubles.
 //! - `stream`: the keywords that select a kind of pixels.
 //! - `camera`, `mapping`, `boxes`: the class `Camera`.
-//! - `site`, `table`: the class `Site`, and the mapping of whole tables.
+//! - `site`, `survey`, `table`: the class `Site`, with coverage, measurements, and the mapping of whole tables.
 //!
 //! The folder `python/` contains pure Python: statuses, and entries of a site file.
 

@@ -147,8 +147,8 @@ impl Camera {
 
     /// Computes the covariance of the floor points of pixels, in two parts.
     ///
-    /// The part of the pixel is independent for each detection. The part of the calibration is common to all
-    /// detections of this camera, so a filter must not average it away.
+    /// The pixel part is independent between detections. The calibration part is common to all detections of this
+    /// camera, so a filter must not average it away.
     ///
     /// Args: u, v: numbers or arrays, in pixels. sigma_px: standard deviation of each coordinate, in pixels
     /// of the stream; one number for all. For different standard deviations, call this with 1 and multiply

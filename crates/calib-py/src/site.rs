@@ -162,13 +162,13 @@ impl Site {
 
     /// Calibrates the site from its annotations and entered values.
     ///
-    /// A camera that cannot be solved does not prevent the others. Its reason is in `findings`.
+    /// A camera that cannot be solved does not prevent the others from being solved. The reason is in `findings`.
     ///
     /// Args:
     ///     method: "ml" (maximum likelihood) or "paper".
     ///     refine: whether to refine all cameras jointly.
     ///     prior: whether to use a weak prior on the focal length if the lines do not determine it.
-    ///     cameras: ids of the cameras to solve, or None for all.
+    ///     cameras: ids of the cameras that get a new solution, or None for all.
     ///
     /// Returns:
     ///     A new site that contains the solutions.
@@ -248,7 +248,8 @@ impl Site {
         })
     }
 
-    /// Parses a document. If the program generated the text, error messages omit line and column.
+    /// Parses a document. `is_written` is false for text generated from a dict: error messages then omit line and
+    /// column.
     fn parse(py: Python<'_>, text: &str, file: &str, is_written: bool) -> PyResult<Self> {
         py.detach(|| calib_site::Site::from_json(text)).map(Self).map_err(|mut error| {
             if let SiteErrorKind::Unreadable { at, .. } = &mut error.kind {

@@ -14,7 +14,7 @@ use crate::error::value_error;
 
 /// Keywords that select the kind of pixels, with their allowed values, for error messages.
 pub(crate) const KEYWORDS: &str =
-    "origin (\"corner\" or \"centre\"), stream_size, fit (\"stretch\" or \"letterbox\") and crop";
+    "origin (\"corner\" or \"centre\"), stream_size, fit (\"stretch\" or \"letterbox\") or crop";
 
 /// Keywords about pixels that many calls accept. Absent keywords keep the value of the camera.
 #[derive(Clone, Debug, Default)]
@@ -25,7 +25,7 @@ struct PixelKeywords {
     crop: Option<[f64; 4]>,
 }
 
-/// Returns the map from pixels to the floor, for the pixels that the keywords of a call select.
+/// Returns the camera for the pixels of the stream that the keywords of a call select.
 pub(crate) fn view_of<'a>(
     id: &str,
     view: &'a CameraView,
@@ -49,7 +49,7 @@ impl PixelKeywords {
                 "fit" => pixels.fit = extract_keyword(&keyword, &value, "\"stretch\" or \"letterbox\"")?,
                 "crop" => pixels.crop = extract_keyword(&keyword, &value, "(left, top, width, height)")?,
                 _ => {
-                    let what = format!("unexpected keyword {keyword:?}, expected {KEYWORDS} of pixels");
+                    let what = format!("unexpected keyword {keyword:?}, expected {KEYWORDS}");
                     return Err(PyTypeError::new_err(what));
                 }
             }

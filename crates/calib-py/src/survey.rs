@@ -18,8 +18,8 @@ use crate::site::{Site, time};
 impl Site {
     /// Computes the floor points that the cameras see, and their pixel densities.
     ///
-    /// A camera sees a target if its foot is in the camera's EFOV, the point at the height is in the image, and
-    /// no wall of the site is between them.
+    /// A camera sees a target if the foot of the target is in the camera's EFOV, its top is in the image, and no wall
+    /// of the site is between camera and target.
     ///
     /// Args:
     ///     height: height of the targets above the floor, in metres.
@@ -34,11 +34,11 @@ impl Site {
     ///     (rows, columns) is the index of this camera in the list "cameras", or -1. "seen_by" (rows, columns)
     ///     is the number of cameras. "areas" is a list of dicts with "id", "level", "met", "share",
     ///     "blind_share" and "worst_px_per_m". "left_out" lists cameras without a position relative to the others,
-    ///     "scale_assumed" cameras whose metres can be wrong in proportion. "hand_overs" is a list of dicts for the
-    ///     floor that two cameras see, the largest first: "cameras", "area" in square metres, "middle" (x, y),
-    ///     "disagreement" and "worst_disagreement" (expected RMS distance between the positions that the two cameras
-    ///     compute for one target, over the zone and at its worst point, in metres), and "unknown" (the reason if they
-    ///     are None).
+    ///     "scale_assumed" cameras whose distances and densities can be wrong by a common factor. "hand_overs" is a
+    ///     list of dicts for the floor that two cameras see, the largest first: "cameras", "area" in square metres,
+    ///     "middle" (x, y), "disagreement" and "worst_disagreement" (expected RMS distance between the positions that
+    ///     the two cameras compute for one target, over the zone and at its worst point, in metres), and "unknown"
+    ///     (the reason if they are None).
     #[pyo3(signature = (*, height=0.0, step=None, level=None, at=None))]
     fn coverage<'py>(
         &self,
@@ -167,7 +167,7 @@ impl Site {
     }
 }
 
-/// Returns the level with this name.
+/// Returns the density level with this name; fails for an unknown name.
 fn level_of(py: Python<'_>, name: &str) -> PyResult<DensityLevel> {
     DensityLevel::from_name(name).ok_or_else(|| {
         let names = DensityLevel::ALL.map(DensityLevel::name).join(", ");
@@ -175,7 +175,7 @@ fn level_of(py: Python<'_>, name: &str) -> PyResult<DensityLevel> {
     })
 }
 
-/// Returns the quantity with this name.
+/// Returns the kind of measurement with this name; fails for an unknown name.
 fn kind_of(py: Python<'_>, name: &str) -> PyResult<MeasurementKind> {
     MeasurementKind::from_name(name).ok_or_else(|| {
         let names = MeasurementKind::ALL.map(MeasurementKind::name).join(", ");

@@ -105,8 +105,7 @@ impl TableOptions {
                 }
                 "origin" | "stream_size" | "fit" | "crop" => pixels.set_item(keyword, value)?,
                 other => {
-                    let what =
-                        format!("unexpected keyword {other:?}, expected {OPTIONS}, or {KEYWORDS} of pixels");
+                    let what = format!("unexpected keyword {other:?}, expected {OPTIONS}, {KEYWORDS}");
                     return Err(PyTypeError::new_err(what));
                 }
             }

@@ -137,7 +137,7 @@ fn date_text(seconds: u64) -> String {
 fn write_numbers(html: &mut String, cameras: &[SiteCamera]) {
     html.push_str(
         "<h2>Numbers</h2><div class=wide><table><thead><tr><th>Camera<th>Stage<th class=n>Focal length, px<th class=n>Pitch<th class=n>Roll<th class=n>Yaw\
-         <th class=n>x, m<th class=n>y, m<th class=n>Height, m<th class=n>Floor scale<th class=n>RMS residual, px</tr></thead><tbody>\n",
+         <th class=n>x, m<th class=n>y, m<th class=n>Height, m<th class=n>Lengths on the floor<th class=n>RMS residual, px</tr></thead><tbody>\n",
     );
     for camera in cameras {
         let id = escape(&camera.id);

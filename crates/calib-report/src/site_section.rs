@@ -42,7 +42,7 @@ pub fn connectivity_text(solution: &SiteSolution) -> Option<String> {
         None => {}
     }
     if let Some(gap) = solution.loop_closure_m {
-        let _ = write!(line, "; loop closure error {} before the joint solution", distance(gap));
+        let _ = write!(line, "; loop closure error {} before the refinement", distance(gap));
     }
     Some(line)
 }

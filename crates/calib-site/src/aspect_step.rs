@@ -1,4 +1,4 @@
-//! Estimate of a pixel aspect about which nothing is known.
+//! Estimate of an unknown pixel aspect for which no prior is entered.
 //!
 //! Under a wrong aspect, correct lines contradict each other and would be rejected. Therefore the aspect is
 //! estimated from all lines, from several start values. Few lines can agree with two aspects, which then belong to
@@ -20,14 +20,15 @@ use crate::solution::Alternative;
 
 /// Pixel aspects from which the estimate starts, in equal ratios. Recorders use 0.45 to 2.
 const START_ASPECTS: [f64; 11] = [0.40, 0.48, 0.58, 0.69, 0.83, 1.0, 1.2, 1.44, 1.73, 2.07, 2.49];
-/// Standard deviation of the pixel aspect in such an estimate, relative to its start value.
+/// Standard deviation of the prior on the pixel aspect around each start value, relative to this value.
 const START_SIGMA_REL: f64 = 0.5;
 
 /// Solution from one start value.
 struct Candidate {
     camera: Camera,
     chi2: f64,
-    /// Chi-square, with the deviation from the usual focal length.
+    /// Chi-square of the annotations, plus the squared deviation of the log focal length from its usual value, in
+    /// standard deviations.
     score: f64,
     single: SingleFit,
 }

@@ -55,8 +55,8 @@ impl<'de, T: Deserialize<'de>> Visitor<'de> for Bounded<T> {
 
 /// Largest length of an id or name, in bytes.
 const MAX_NAME_BYTES: usize = 256;
-/// Largest magnitude of a coordinate, in its unit (metres or pixels). A double does not resolve micrometres
-/// beyond this limit.
+/// Largest magnitude of a coordinate, in its unit (metres or pixels). At this limit, the spacing of doubles is 1.2e-7
+/// of this unit.
 const MAX_COORDINATE: f64 = 1e9;
 
 /// Result of a check: the first error, if any.

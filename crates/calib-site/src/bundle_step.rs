@@ -149,8 +149,8 @@ impl Site {
         members.iter().flatten().filter_map(mark).collect()
     }
 
-    /// Refines every camera for itself: its lens with its lines, or its principal point with its control
-    /// points. `entries` must include the owners of shared lenses.
+    /// Refines every camera separately: its lens with its lines, or its principal point with its control points.
+    /// `entries` must include the owners of shared lenses.
     pub(crate) fn refine_separately(
         &self,
         entries: &[&SiteCamera],
@@ -168,8 +168,8 @@ impl Site {
     }
 }
 
-/// Refines the lenses together with stage 1 by a bundle adjustment without landmarks. `entries` must include
-/// the owners of shared lenses. A draft needs no reliability.
+/// Refines the lenses together with stage 1 by a bundle adjustment without landmarks. `entries` must include the
+/// owners of shared lenses. `with_reliability` also computes the reliability of the annotations.
 pub(crate) fn refine_lenses(
     entries: &[&SiteCamera],
     single_fits: &[Result<SingleFit, Failure>],

@@ -9,6 +9,7 @@ use crate::bounds::{At, Bounds, Checked, MAX_ITEMS, count, id, known, name, opti
 use crate::check_geographic::check_geographic;
 use crate::document::Site;
 use crate::document::{Link, LinkKind, Mark};
+use crate::english::counted;
 use crate::geographic::SurveyedPosition;
 use crate::scene::{PlaneEntry, PlaneNumber};
 use crate::site_error::quoted;
@@ -45,7 +46,7 @@ fn check_plane(at: &At, plane: &PlaneEntry) -> Checked {
     let region = at.key("region");
     count(&region, plane.region.len(), MAX_ITEMS)?;
     if !plane.region.is_empty() && plane.region.len() < 3 {
-        return region.expected(format!("{} corners", plane.region.len()), "at least 3, or no region");
+        return region.expected(counted(plane.region.len(), "corner", "corners"), "at least 3, or no region");
     }
     for (i, &corner) in plane.region.iter().enumerate() {
         Bounds::COORDINATE.check_all(&region.index(i), &<[f64; 2]>::from(corner))?;
@@ -146,7 +147,7 @@ pub(crate) fn check_survey(root: &At, site: &Site) -> Checked {
         }
         let polygon = at.key("polygon_m");
         if area.polygon_m.len() < 3 {
-            return polygon.expected(format!("{} corners", area.polygon_m.len()), "at least 3");
+            return polygon.expected(counted(area.polygon_m.len(), "corner", "corners"), "at least 3");
         }
         count(&polygon, area.polygon_m.len(), 1000)?;
         for (k, &corner) in area.polygon_m.iter().enumerate() {
@@ -190,7 +191,8 @@ fn check_measurement(at: &At, measurement: &Measurement, cameras: &HashSet<&str>
     let (found, least) = (measurement.points.len(), measurement.kind.min_points());
     if found < least {
         let kind = measurement.kind.name();
-        return list.expected(format!("{found} points"), format!("at least {least} for kind \"{kind}\""));
+        let found = counted(found, "point", "points");
+        return list.expected(found, format!("at least {least} for kind \"{kind}\""));
     }
     if measurement.kind == MeasurementKind::Height && found > 2 {
         return list.expected(format!("{found} points"), "2 for kind \"height\": the foot and the head");
@@ -300,8 +302,9 @@ fn check_mark(at: &At, mark: &Mark, cameras: &HashSet<&str>, site: &Site) -> Che
     let names = mark.kind.size_names();
     let size = at.key("size_m");
     if mark.size_m.len() != names.len() {
-        let expected = format!("{} numbers: {}", names.len(), names.join(", "));
-        return size.expected(format!("{} numbers", mark.size_m.len()), expected);
+        let [found, expected] =
+            [mark.size_m.len(), names.len()].map(|count| counted(count, "number", "numbers"));
+        return size.expected(found, format!("{expected}: {}", names.join(", ")));
     }
     Bounds::POSITIVE.check_all(&size, &mark.size_m)?;
     for (i, value) in mark.size_m.iter().enumerate() {
@@ -386,10 +389,11 @@ fn check_covariance(at: &At, covariance: &CovarianceEntry) -> Checked {
     count(&at.key("of"), n, 100)?;
     let expected = n * (n + 1) / 2;
     if covariance.upper.len() != expected {
-        let found = format!("{} numbers", covariance.upper.len());
+        let [found, expected] =
+            [covariance.upper.len(), expected].map(|count| counted(count, "number", "numbers"));
         return at
             .key("upper")
-            .expected(found, format!("{expected} numbers: the upper triangle of a {n} by {n} matrix"));
+            .expected(found, format!("{expected}: the upper triangle of a {n} by {n} matrix"));
     }
     let broken = covariance.upper.iter().position(|value| !value.is_finite());
     if let Some(i) = broken {

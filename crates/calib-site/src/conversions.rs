@@ -404,7 +404,8 @@ impl DistortionEntry {
             None => (lens.distortion, Some(lens.focal)),
         };
         let model = distortion.model()?;
-        // Few lenses have thin-prism terms, or distortion in addition to the unified model.
+        // Few lenses have thin-prism terms, or distortion in addition to the unified model. Zeros of these are not
+        // stored.
         let is_rare = |which| match which {
             Coefficient::S1 | Coefficient::S2 | Coefficient::S3 | Coefficient::S4 => true,
             Coefficient::Xi => false,

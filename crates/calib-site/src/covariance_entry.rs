@@ -323,8 +323,8 @@ impl Site {
         entries.filter_map(|entry| entry.solution.as_ref()).any(|solution| solution.stage == Stage::Refined)
     }
 
-    /// Returns the cross-covariance of the parameters of two cameras; zeros if they were not solved jointly, `None` if it
-    /// is unknown.
+    /// Returns the cross-covariance of the parameters of two cameras: zeros if they were not solved jointly, `None`
+    /// if it is unknown.
     pub(crate) fn covariance_between(
         &self,
         [a, b]: [&str; 2],

@@ -29,7 +29,8 @@ pub struct SiteCoverage<'a> {
     pub cameras: Vec<&'a SiteCamera>,
     /// Calibrated cameras that are left out, because they have no position relative to the others.
     pub left_out: Vec<&'a SiteCamera>,
-    /// Cameras of `cameras` whose scale is assumed. Their distances and densities can be wrong in proportion.
+    /// Cameras of `cameras` whose scale is assumed. All their distances and densities can be wrong by a common
+    /// factor.
     pub scale_assumed: Vec<&'a SiteCamera>,
     /// Height of the targets above the floor, in metres.
     pub height: f64,
@@ -39,7 +40,7 @@ pub struct SiteCoverage<'a> {
     pub coverage: Coverage,
     /// Coverage of every area, in the order of the file.
     pub areas: Vec<AreaResult<'a>>,
-    /// Floor that two cameras see, the largest zone first. The cameras are indices in `cameras`.
+    /// Zones of the floor that two cameras see, the largest first. Their cameras are indices into `cameras`.
     pub hand_overs: Vec<HandOver>,
     /// Smallest pixel density of each level.
     pub limits: LevelLimits,
@@ -51,7 +52,7 @@ pub struct SiteCoverage<'a> {
 /// Rectangle of visible floor with one value, such as the level that the best camera reaches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FloorRectangle<T> {
-    /// Value.
+    /// Value of all grid points in the rectangle.
     pub value: T,
     /// Smallest x and y, in metres.
     pub low: FloorPoint,
@@ -158,10 +159,10 @@ impl SiteCoverage<'_> {
                 format!("unknown, because the scale of \"{}\" is assumed: enter a length", id(index))
             }
             UnknownDisagreement::Camera(index) => {
-                format!("unknown, because \"{}\" has errors of unknown size", id(index))
+                format!("unknown, because \"{}\" has no standard deviations", id(index))
             }
             UnknownDisagreement::Correlation => {
-                "unknown, because the solution does not contain the correlation of the cameras".into()
+                "unknown, because the solution does not contain the correlation between the cameras".into()
             }
         }
     }
@@ -208,9 +209,9 @@ pub enum CoverageError {
     Step,
     /// The grid has more points than the limit.
     TooManyPoints {
-        /// Number of points.
+        /// Number of grid points.
         points: f64,
-        /// Largest number of points.
+        /// Largest accepted number of grid points.
         most: usize,
     },
 }
@@ -241,14 +242,14 @@ impl Site {
 
     /// Computes the floor points that the cameras see, and their pixel densities.
     ///
-    /// A camera sees a target if its foot is in the camera's EFOV, the point at the height is in the image,
-    /// and no wall is between them. The grid lines are at multiples of the step. Cameras without a position
-    /// relative to the others are left out.
+    /// A camera sees a target if the foot of the target is in the camera's EFOV, its top is in the image, and no wall
+    /// is between camera and target. The grid lines are at multiples of the step. Cameras without a position relative
+    /// to the others are left out.
     ///
     /// # Errors
     /// If no camera is calibrated, an id has several periods, or the grid has too many points.
     pub fn coverage(&self, options: &CoverageOptions) -> Result<SiteCoverage<'_>, CoverageError> {
-        /// Number of points of a hand-over zone if the options state none.
+        /// Default number of points at which the disagreement of a hand-over zone is computed.
         const USUAL_ZONE_POINTS: usize = 100;
         let views: Vec<FloorView<'_>> =
             self.cameras.iter().filter_map(|entry| FloorView::new(self, entry)).collect();
@@ -352,7 +353,7 @@ struct FloorView<'a> {
 }
 
 impl<'a> FloorView<'a> {
-    /// Returns `None` for a camera that is not calibrated or shows no floor.
+    /// Creates the view of a camera; `None` if the camera is not calibrated or shows no floor.
     fn new(site: &Site, entry: &'a SiteCamera) -> Option<Self> {
         let camera = site.camera_for_use(entry)?;
         let efov = site.efov_on_floor(entry);

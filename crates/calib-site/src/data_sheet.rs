@@ -6,7 +6,8 @@ use calib_core::single::Known;
 use serde::de::value::MapAccessDeserializer;
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// Relative standard deviation of a focal length or field of view from a data sheet that states no tolerance.
+/// Relative standard deviation of the focal length from a data sheet without a tolerance, also if it states a field
+/// of view.
 /// This is an assumption, not a measurement: an error of up to 5 % in either direction, by rounding and between
 /// samples, has a standard deviation of 3 % if it is uniform.
 pub(crate) const NOMINAL_SIGMA_REL: f64 = 0.03;
@@ -24,7 +25,7 @@ pub enum Nominal {
 }
 
 impl Nominal {
-    /// Returns the value with its certainty; a bare number has the usual tolerance.
+    /// Returns the value with its standard deviation; for a bare number, 3 % of the value.
     #[must_use]
     pub fn known(self) -> Known {
         match self {
@@ -90,7 +91,7 @@ pub enum DataSheetError {
     NoFocalLength,
     /// Second entry of this value.
     Repeated(&'static str),
-    /// Field of view that no lens of these models has.
+    /// Field of view outside the range from 0.1 to 179 degrees.
     FieldOutOfRange,
     /// Optical format that no sensor has.
     UnknownFormat(String),
@@ -109,7 +110,7 @@ impl DataSheet {
     /// Reads the values from a text. `size_px` is the size of the image, which determines the sensor of a focal length
     /// that is stated as the equivalent of 35 mm film.
     ///
-    /// A range of focal lengths (`2.8-12 mm`) is a uniform distribution of the logarithm.
+    /// A range of focal lengths (`2.8-12 mm`) is read as a uniform distribution of the log focal length.
     ///
     /// # Errors
     /// The part that is not understood, or the value that is missing.
@@ -212,7 +213,7 @@ impl fmt::Display for DataSheet {
 const DEGREES: &[&str] = &["\u{b0}", "deg", "degree", "degrees"];
 /// Names of the unit of optical formats.
 const INCHES: &[&str] = &["\"", "inch", "in", "type"];
-/// Fields of view of lenses without a fisheye model, in degrees.
+/// Accepted fields of view, in degrees. Fisheye models do not use a field of view.
 const FIELDS_DEG: std::ops::RangeInclusive<f64> = 0.1..=179.0;
 
 /// Returns the width and height of 35 mm film for an image of this size, in millimetres. Equivalents refer to the
@@ -235,8 +236,8 @@ impl Words {
         let given: Vec<char> = text.to_lowercase().chars().collect();
         let is_digit = |at: usize| given.get(at).is_some_and(char::is_ascii_digit);
         let is_part = |at: &usize| is_digit(*at) || given.get(*at) == Some(&'.');
-        // A comma between two digits is a decimal comma. It is a separator in `1/2.7,2.8mm`, where a point separates the
-        // decimals.
+        // A comma between two digits is a decimal comma. It is a separator in `1/2.7,2.8mm`, where a point separates
+        // the decimals.
         let is_decimal_comma = |at: usize| {
             let mut beside =
                 (0..at).rev().take_while(is_part).chain((at + 1..given.len()).take_while(is_part));

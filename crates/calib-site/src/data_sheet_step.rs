@@ -1,7 +1,7 @@
 //! Comparison of the data sheet of a camera with the focal length that its lines alone determine.
 //!
-//! A wrong focal length need not leave large residuals: the estimated principal point moves instead. Therefore the
-//! camera is solved again without the data sheet, and both focal lengths are compared.
+//! A wrong focal length does not always cause large residuals: the estimated principal point moves instead. Therefore
+//! the camera is solved again without the data sheet, and both focal lengths are compared.
 
 use calib_core::camera::{Camera, Covariance};
 
@@ -14,8 +14,8 @@ use crate::solution::Method;
 /// Smallest difference of the log focal lengths, in standard deviations, that is a contradiction.
 const MIN_DIFFERENCE_SIGMA: f64 = 3.0;
 
-/// Largest standard deviation of the log focal length of the lines that is compared. A less certain focal length
-/// is not a normal variable.
+/// Largest standard deviation of the log focal length of the lines that is compared. The error of a less certain
+/// focal length is not normally distributed.
 const MAX_LOG_FOCAL_SIGMA_OF_LINES: f64 = 0.1;
 
 impl Site {
@@ -182,7 +182,7 @@ mod tests {
                     panic!("{lens:?}: {findings:?}");
                 };
                 let factor = if entered > FOCAL { 1.3 } else { 0.7 };
-                // A field of view belongs to the principal point.
+                // The focal length from a field of view depends slightly on the principal point.
                 assert!((entered / (factor * FOCAL) - 1.0).abs() < 0.01, "{entered}");
                 assert!((entered_sigma.unwrap() / entered - 0.03).abs() < 1e-9, "{entered_sigma:?}");
                 assert!(

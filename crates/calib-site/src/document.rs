@@ -1,7 +1,7 @@
 //! The site file (format version 1): cameras, floor plan, links, marks, distances, and the results of
 //! solving.
 //!
-//! Units are degrees, metres and pixels; every field name ends with its unit.
+//! Units are degrees, metres and pixels. Most field names end with their unit.
 
 use calib_core::camera::{FloorPoint, ImageCircle, Pixel, PlanPixel, WorldPoint};
 use calib_core::floor::MarkKind;
@@ -21,12 +21,13 @@ use crate::solution::{DistortionEntry, FailureEntry, Solution, document};
 use crate::survey_entries::{Area, LevelLimitsEntry, Measurement, WallEntry};
 use crate::units::Units;
 
-/// Default position of a mark that has no position in the file: all coordinates are NaN.
+/// Returns the default position of a mark without a position in the file: all coordinates are NaN.
 const fn no_position() -> WorldPoint {
     WorldPoint { x: f64::NAN, y: f64::NAN, z: f64::NAN }
 }
 
-/// Size of a plan pixel that a file does not state: not a number. The check of the site refuses it.
+/// Returns the default size of a plan pixel, in metres: NaN. The check of the site refuses it, unless the scale is
+/// read from a drawing before.
 const fn not_stated() -> f64 {
     f64::NAN
 }
@@ -144,7 +145,8 @@ document! {
         /// Rotation about the vertical axis, counter-clockwise, in degrees.
         #[serde(default)]
         turn_deg: f64,
-        /// Dimensions, in metres; their number and order depend on `kind`.
+        /// Dimensions; their number and order depend on `kind`. Lengths are in metres; the numbers of columns and
+        /// rows of a grid are counts.
         size_m: Vec<f64>,
         /// Whether the mark is fixed during joint refinement.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -316,8 +318,8 @@ document! {
         /// Shown layers of a DXF; the layers that are on in the drawing if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         layers: Option<Vec<String>>,
-        /// Size of a plan pixel, in metres. It may be absent if the drawing states it: a DXF with a unit, or a PDF
-        /// with one scale in its text.
+        /// Size of a plan pixel, in metres. It may be absent if the drawing contains the scale: a DXF with a unit, or
+        /// a PDF with one scale in its text.
         #[serde(default = "not_stated")]
         metres_per_px: f64,
         /// Plan pixel of world (0, 0).
@@ -396,7 +398,8 @@ document! {
         /// Height above the floor, in metres.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         height_m: Option<Known>,
-        /// Standard deviation of an annotated coordinate, in pixels.
+        /// Standard deviation of an annotated coordinate, in pixels. If absent, it is 1, or larger if the residuals
+        /// require a larger value.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         sigma_px: Option<f64>,
         /// Expected deviations of the scene in this image from the annotations' assumptions; the deviations
@@ -438,39 +441,41 @@ document! {
         /// Focal length, in pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         focal_px: Option<Known>,
-        /// Horizontal field of view of the image, distortion included, in degrees. A bare number has a
-        /// standard deviation of 3 %.
+        /// Horizontal field of view of the image, distortion included, in degrees. A bare number has a standard
+        /// deviation of 3 % of the focal length.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         hfov_deg: Option<Nominal>,
-        /// Vertical field of view of the image, distortion included, in degrees.
+        /// Vertical field of view of the image, distortion included, in degrees. A bare number has a standard
+        /// deviation of 3 % of the focal length.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         vfov_deg: Option<Nominal>,
-        /// Diagonal field of view of the image, distortion included, in degrees.
+        /// Diagonal field of view of the image, distortion included, in degrees. A bare number has a standard
+        /// deviation of 3 % of the focal length.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         dfov_deg: Option<Nominal>,
-        /// Focal length, in millimetres; needs the size of the sensor.
+        /// Focal length, in millimetres; needs the size of the sensor. A bare number has a standard deviation of 3 %.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         focal_mm: Option<Nominal>,
         /// Width and height of the part of the sensor that the image shows, in millimetres.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         sensor_mm: Option<[f64; 2]>,
-        /// Optical format of the sensor, in inches, such as "1/2.8". The image shows the whole sensor.
+        /// Optical format of the sensor, in inches, such as "1/2.8". The image must show the whole sensor.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         sensor: Option<String>,
-        /// Roll, in degrees.
+        /// Roll, in degrees; positive if the camera is rotated clockwise, seen from behind.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         roll_deg: Option<Known>,
-        /// Pitch, in degrees.
+        /// Pitch, in degrees, positive downwards.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pitch_deg: Option<Known>,
-        /// Principal point, in raw pixels. `[u, v]` is known. An object with `value` and `sigma` is estimated
-        /// with this prior. If absent, it is estimated near the centre of the image; in an exact scene it is
-        /// the centre. A fisheye has the centre of its image circle instead, if that is entered.
+        /// Principal point, in raw pixels: `[u, v]` if it is known, or an object with `value` and `sigma`, the prior
+        /// of its estimate. If absent, it is estimated near the centre of the image; in an exact scene it is the
+        /// centre. For a fisheye, the centre of the entered image circle replaces the centre of the image.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         principal_point_px: Option<PrincipalPointEntry>,
-        /// Pixel aspect: width over height of a pixel, which is the ratio of the focal lengths `fy / fx`. A
-        /// number is known. An object with `value` and `sigma` is estimated with this prior. `{"fit": true}` is
-        /// estimated from the lines. If absent, pixels are square.
+        /// Pixel aspect: width over height of a pixel, which is the ratio of the focal lengths `fy / fx`. It is a
+        /// known number, or an object with `value` and `sigma`, the prior of its estimate. `{"fit": true}` estimates
+        /// it from the lines. If absent, pixels are square.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pixel_aspect: Option<PixelAspectEntry>,
         /// Part of the calibrated image that the image of this camera shows, after a digital zoom or a crop: left,
@@ -624,7 +629,7 @@ impl Site {
         if let Some(like) = schema.pointer_mut("/$defs/Annotation/properties/like") {
             like["oneOf"] = USUAL_SIZES.iter().map(usual_size_schema).collect();
         }
-        // The default, not a number, has no JSON value.
+        // The default is NaN, which has no JSON value.
         let scale = schema.pointer_mut("/$defs/Plan/properties/metres_per_px");
         if let Some(scale) = scale.and_then(serde_json::Value::as_object_mut) {
             scale.remove("default");

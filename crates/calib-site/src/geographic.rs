@@ -212,8 +212,8 @@ impl SurveyedPosition {
 }
 
 impl Site {
-    /// Returns the georeference of the site: entered for the site or its plan, otherwise from its control points
-    /// and links, otherwise from its solved cameras.
+    /// Returns the georeference of the site: entered for the site or its plan, otherwise from its control points,
+    /// links and marks, otherwise from its solved cameras.
     #[must_use]
     pub fn georeference(&self) -> Option<Georeference> {
         let solved = || self.solution.as_ref()?.georeference.as_ref().map(GeoreferenceSolution::as_entered);
@@ -300,7 +300,8 @@ impl Site {
     /// included, so that switching a point off does not move the coordinate system.
     fn surveyed_points(&self) -> impl Iterator<Item = SurveyedPoint> {
         let system = self.coordinate_system();
-        // Most sites have no such points, and the filter comes first, because every gesture calls this.
+        // Every gesture calls this function, and most sites have no such points. Therefore the cheap filter comes
+        // first.
         self.surveyed_positions().filter_map(move |(entered, point)| {
             let world = point.and_then(|point| point.site_coordinates(self));
             Some(SurveyedPoint { entered, geographic: entered.geographic(system.as_ref())?, world })
@@ -317,8 +318,8 @@ impl Site {
         }
     }
 
-    /// Returns the georeference that follows from control points and links; `None` if it is entered, or
-    /// undetermined.
+    /// Returns the georeference that follows from control points, links and marks with geographic coordinates; `None`
+    /// if it is entered, or undetermined.
     pub(crate) fn georeference_of_points(&self) -> Option<GeoreferenceSolution> {
         if self.entered_georeference().is_some() {
             return None;

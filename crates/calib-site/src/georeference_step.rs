@@ -37,8 +37,8 @@ struct MappedPoints {
 }
 
 impl MappedPoints {
-    /// Reports the control point whose map coordinates contradict the other points, if there is one. Without this
-    /// point, the others agree best. At least three points are needed.
+    /// Reports the control point whose map coordinates contradict the other points, if there is one. It is the point
+    /// without which the others agree best. At least three points are needed.
     fn far_from_map(&self) -> Option<Finding> {
         /// Largest distance of a correct point, in standard deviations of a coordinate.
         const MAX_SIGMAS: f64 = 5.0;

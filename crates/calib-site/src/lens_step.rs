@@ -48,9 +48,9 @@ fn fitted_coefficients(entry: &DistortionEntry) -> Option<FittedCoefficients> {
     Some(FittedCoefficients { model: entry.model, which })
 }
 
-/// Returns the edges that the fitted lens makes much straighter, each by its RMS deviation from a straight
-/// line without distortion, in pixels. The lines of one direction count as one edge. "Much" means a
-/// chi-square gain of 10, which is very strong evidence (Kass and Raftery 1995).
+/// Returns one RMS deviation from a straight line, without distortion and in pixels, for every edge that the fitted
+/// lens makes much straighter. The lines of one direction count as one edge. "Much" means a chi-square gain of 10,
+/// which is very strong evidence (Kass and Raftery 1995).
 fn straightened_rms(
     fit: &LensFit,
     annotations: &[Annotation],
@@ -113,7 +113,7 @@ impl Site {
         lens_estimate
     }
 
-    /// Returns the lens of a camera that is not shared: stored, entered, or fitted to edges.
+    /// Returns the lens of a camera that does not use the lens of another: stored, entered, or fitted to edges.
     fn own_lens_estimate(
         &self,
         entry: &SiteCamera,

@@ -16,8 +16,8 @@ use crate::document::{LensEntry, SiteCamera};
 use crate::pixel_aspect::PixelAspectEntry;
 use crate::principal_point::PrincipalPointEntry;
 
-/// Largest relative difference of the scales along u and v for which the pixels stay as square as they were: the
-/// rounding of a window to whole pixels.
+/// Largest relative difference of the scales along u and v that counts as rounding of the window to whole pixels.
+/// Both scales are then set to the scale along u.
 const MAX_SCALE_DIFFERENCE: f64 = 2e-3;
 
 /// Map from pixels of one image to pixels of another image that shows a window of the first.
@@ -117,9 +117,9 @@ impl SiteCamera {
 
     /// Returns the prior on the principal point if none is entered: near the centre of the calibrated image.
     ///
-    /// If the image shows a window of the calibrated image that fits into an image of its own size (a digital
-    /// zoom), this is the size of the calibrated image. The size is unknown for other windows, so the principal
-    /// point is then anywhere in the image or near it.
+    /// A window that fits into an image of the camera's own size is a digital zoom: the calibrated image has this
+    /// size. For other windows the size of the calibrated image is unknown, so the prior allows a principal point
+    /// anywhere in the image or near it.
     #[must_use]
     pub fn principal_point_near_centre(&self) -> PrincipalPointPrior {
         let (size, window) = (self.size(), self.lens.as_ref().and_then(|lens| lens.window_px));

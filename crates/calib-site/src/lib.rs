@@ -1,7 +1,7 @@
 //! Site document of the camera calibration: its types, its checks, and the pipeline that solves it.
 //!
-//! Rule: this crate handles names, degrees and the format of the site file. It contains no geometric
-//! formulas; those are in `calib_core`.
+//! Rule: this crate handles names, degrees and the format of the site file. Camera models and estimators are in
+//! `calib_core`.
 //!
 //! Document:
 //!
@@ -9,6 +9,8 @@
 //!   results;
 //! - `coordinate_system`, `geographic`, `map_plan`: projected grids, geographic coordinates of the site, and
 //!   georeferenced plans;
+//! - `data_sheet`, `nominal_focal`, `principal_point`, `pixel_aspect`, `lens_window`: entered values of a lens;
+//! - `units`: display and input of lengths;
 //! - `conversions`, `covariance_entry`: conversions between entries and geometric types;
 //! - `bounds`, `check`, `check_entries`, `check_geographic`, `period`, `site_error`: reading and checking a site
 //!   file;
@@ -84,7 +86,7 @@
 //! # Features
 //!
 //! - `schema`: adds the JSON Schema of the site document.
-//! - `epsg`: adds the definitions of all EPSG codes. Without them, UTM and common national grids are known.
+//! - `epsg`: adds the definitions of all EPSG codes. Without it, only UTM and common national grids are known.
 
 mod site_error;
 mod bounds;

@@ -39,7 +39,7 @@ pub enum MapPlanError {
         /// Largest error of a corner, in pixels.
         error_px: f64,
     },
-    /// The site has positions, and their place on the map is unknown.
+    /// The site has positions in metres, but their location on the map is unknown.
     NoGeoreference,
     /// The image is far from the site.
     FarFromSite {
@@ -96,7 +96,7 @@ impl MapPosition {
 struct Similarity {
     /// World coordinates of the centre of the image, in metres.
     centre: [f64; 2],
-    /// World step of one pixel to the right, in metres. The step of a pixel up is this step turned by 90 degrees.
+    /// World step of one pixel to the right, in metres. The step of one pixel up is this step rotated by 90 degrees.
     right: [f64; 2],
 }
 
@@ -230,7 +230,7 @@ mod tests {
         CoordinateSystem::new("EPSG:25832").unwrap()
     }
 
-    /// Position of an image of UTM with a pixel size in metres, turned by an angle.
+    /// Returns the position of an image in UTM with a pixel size in metres, rotated by an angle in radians.
     fn image(pixel: f64, turn: f64) -> MapPosition {
         let (sin, cos) = turn.sin_cos();
         let transform = [[pixel * cos, pixel * sin, 691_000.0], [pixel * sin, -pixel * cos, 5_335_000.0]];

@@ -18,14 +18,14 @@ pub enum MeasurementError {
     TooFewPoints {
         /// Number of points that the kind needs.
         least: usize,
-        /// Number of points.
+        /// Number of points of the measurement.
         found: usize,
     },
     /// The camera of a point cannot be used.
     Camera {
         /// Id of the camera.
         camera: String,
-        /// Reason.
+        /// Reason why the camera cannot be used.
         why: CameraViewError,
     },
     /// Two cameras do not have a common coordinate system.
@@ -105,7 +105,7 @@ const fn reason(status: Status) -> &'static str {
 impl Site {
     /// Computes a measurement with its standard deviation, in metres, square metres, or metres per second.
     /// The standard deviation contains the errors of the pixels and of the calibration, with the correlation
-    /// of jointly solved cameras. It is `None` if an error of a camera is unknown and matters.
+    /// of jointly solved cameras. It is `None` if the result depends on a camera parameter of unknown uncertainty.
     ///
     /// # Errors
     /// If a camera is not calibrated, a point is not on the visible floor, or a time is missing.
@@ -210,7 +210,8 @@ impl Site {
         if let Some(plane) = surface.and_then(|index| self.planes.get(index)) {
             return Err(MeasurementError::OnPlane { camera: id.clone(), pixel, plane: plane.id.clone() });
         }
-        // The EFOV contains the floor point of the pixel.
+        // The EFOV is a region of the floor, so the floor point of the pixel is tested, also for a point above the
+        // floor.
         match camera.pixel_to_floor(pixel, 0.0) {
             Some(floor) if !extent.contains(floor) => refused(Status::OutsideEfov),
             _ => Ok(()),
@@ -218,9 +219,9 @@ impl Site {
     }
 }
 
-/// Returns the lower and the upper limit of a speed whose times are whole seconds: the duration can be wrong by almost
-/// one second. The upper limit is `None` for a duration of one second. Returns `None` if the times are finer, or if the
-/// duration was entered.
+/// Returns the lower and the upper limit of a speed whose times are whole seconds: the duration can be wrong by
+/// almost one second. The upper limit is `None` for a duration of one second. Returns `None` if the times are finer,
+/// or if the duration was entered.
 #[must_use]
 pub fn speed_limits(measurement: &Measurement, speed: f64) -> Option<(f64, Option<f64>)> {
     let seconds = duration(&measurement.points).filter(|_| measurement.duration_s.is_none())?;

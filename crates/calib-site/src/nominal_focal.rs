@@ -16,8 +16,8 @@ use crate::document::{LensEntry, SiteCamera};
 const FORMAT_SIGMA_REL: f64 = 0.03;
 
 impl SiteCamera {
-    /// Returns the focal length in pixels from the data sheet of the camera, under its lens; `None` if
-    /// nothing is entered. Several values are averaged by their certainty; a fixed value is used alone.
+    /// Returns the focal length in pixels from the data sheet of the camera, under its lens; `None` if nothing is
+    /// entered. Several values are averaged with their inverse variances as weights; a fixed value is used alone.
     #[must_use]
     pub fn data_sheet_focal(&self, lens: &Lens) -> Option<Known> {
         let entry = self.lens.as_ref()?;
@@ -69,7 +69,7 @@ fn focal_from_field(
         (low * high).sqrt()
     };
     match field {
-        // The usual tolerance of a lens is that of its focal length.
+        // The usual tolerance applies to the focal length, not to the angle.
         Nominal::Number(degrees) => {
             let value = focal(degrees);
             Some(Known::prior(value, NOMINAL_SIGMA_REL * value))
@@ -106,7 +106,7 @@ pub(crate) struct DataSheetConflict {
     pub(crate) entered: Known,
     /// Camera that the lines determine without the data sheet.
     pub(crate) of_lines: Camera,
-    /// Standard deviation of the focal length of that camera, in pixels.
+    /// Standard deviation of the focal length of `of_lines`, in pixels.
     pub(crate) sigma: f64,
 }
 

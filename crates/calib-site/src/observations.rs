@@ -39,7 +39,7 @@ pub(crate) struct SiteObservations {
 /// Landmarks and distances without information.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct UnusedEvidence {
-    /// Landmarks that only one camera observes, without known position, size or distance.
+    /// Indices of landmarks that at most one camera observes, without known position, size or distance.
     pub(crate) landmarks: Vec<usize>,
     /// Distances, by their index in the site, with an end that is not a landmark, or without a known length.
     pub(crate) distances: Vec<usize>,

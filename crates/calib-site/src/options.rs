@@ -11,7 +11,8 @@ pub struct Options {
     pub refine: bool,
     /// Whether to use the weak prior on the focal length if the lines do not determine it.
     pub prior: bool,
-    /// Ids of the cameras to solve; all cameras if `None`.
+    /// Ids of the cameras whose results are reported; all cameras if `None`. The other cameras still take part in the
+    /// joint refinement.
     pub cameras: Option<Vec<String>>,
 }
 

@@ -110,8 +110,8 @@ impl Site {
         ids.filter(is_named).max_by_key(|id| id.len())
     }
 
-    /// Returns the index of the entry with this id that is valid at a time. If the time is unknown, the entry
-    /// without an end is used. An id with a single entry is valid at all times.
+    /// Returns the index of the entry with this id that is valid at a time. If the time is unknown, the entry without
+    /// an end is used. If the id has only one entry, this entry is returned for any time.
     #[must_use]
     pub fn entry_index_at(&self, id: &str, time: Option<&str>) -> Option<usize> {
         let of_id: Vec<usize> = (0..self.cameras.len()).filter(|&i| self.cameras[i].id == id).collect();
@@ -138,7 +138,7 @@ impl Site {
         self.cameras.iter().any(|other| other.id == entry.id && begins(other) == Some(true))
     }
 
-    /// Whether the links and marks of this camera id belong to this entry: they belong to its first entry.
+    /// Whether this entry is the first one with its id. The links and marks of an id belong to its first entry.
     #[must_use]
     pub fn owns_links(&self, index: usize) -> bool {
         let id = self.cameras.get(index).map(|camera| &camera.id);

@@ -407,7 +407,8 @@ fn apply_joint_estimate(
     solution.principal_point_px = camera.lens.principal_point;
     solution.pixel_aspect = camera.lens.pixel_aspect;
     solution.distortion = DistortionEntry::from_lens(&camera.lens, camera.focal);
-    // A single camera states its chi-square for the assumed noise, connected cameras for the estimated noise.
+    // The chi-square of a single camera refers to the assumed noise, that of connected cameras to the estimated
+    // noise.
     let noise = first.fit.as_ref().map_or(1.0, |fit| fit.sigma / entry.sigma_px.unwrap_or(1.0));
     let chi2 = if joined.is_connected { joined.chi2 } else { joined.chi2 * noise * noise };
     solution.chi2 = Some(chi2);
@@ -453,7 +454,7 @@ fn add_lengths(entry: &SiteCamera, camera: &Camera, findings: &mut [Finding]) {
 /// point, the uncertainty is unknown.
 fn add_single_findings(entry: &SiteCamera, first: &SingleFit, camera: &Camera, result: &mut CameraResult) {
     let CameraResult { solution, findings, .. } = result;
-    // Other findings may be effects of this conflict.
+    // This finding comes first, because it may be the cause of the others.
     findings.splice(0..0, first.data_sheet_conflict.as_ref().map(DataSheetConflict::finding));
     findings.extend(first.lens_estimate.findings(entry));
     findings.extend(invalid_segments(&first.constraints));
@@ -607,7 +608,7 @@ fn invalid_segments(constraints: &Constraints) -> impl Iterator<Item = Finding> 
     })
 }
 
-/// Returns an error if a number of the result is not finite.
+/// Returns an error if a number of the result is not finite, or outside the bounds of the site file.
 fn check_finite(result: CameraResult) -> Result<CameraResult, Failure> {
     let solution = &result.solution;
     let pose = solution.camera().is_none_or(|camera| {

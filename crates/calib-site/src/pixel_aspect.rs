@@ -175,7 +175,7 @@ pub fn usual_pixel_aspect(size: [u32; 2]) -> Option<f64> {
     Some(shown * f64::from(size[1]) / f64::from(size[0]))
 }
 
-/// Pixel aspect of square pixels: the default in files.
+/// Returns the pixel aspect of square pixels: the default in files.
 pub(crate) const fn square() -> f64 {
     1.0
 }

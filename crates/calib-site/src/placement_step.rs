@@ -102,7 +102,7 @@ impl Site {
     ) {
         let mut hidden = Vec::new();
         for (index, point) in entry.control_points.iter().enumerate() {
-            // A point on the map has no place in the site while the georeference is unknown.
+            // A point on the map has no position in the site while the georeference is unknown.
             let Some(known) = point.control_point(self) else { continue };
             let shown = camera.world_to_pixel(known.world);
             let Some(shown) = shown.filter(|shown| shown.is_finite()) else {

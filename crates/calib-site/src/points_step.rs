@@ -13,7 +13,8 @@ use calib_core::single::{
     Fit, FixedParameters, MAX_LOG_FOCAL_SIGMA, PointFit, PointFitOptions, Prior, Priors, is_inconsistent,
 };
 
-/// Control points of a camera with known coordinates that are switched on, each with its index.
+/// Points of a camera for stage 1: its control points with known coordinates that are switched on, or the points of a
+/// mark.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct UsedPoints {
     /// Indices of the control points; empty for the points of a mark.
@@ -30,7 +31,7 @@ pub(crate) struct UsedPoints {
 pub(crate) enum Explanation {
     /// The pixels of two control points are exchanged. The variant contains the indices of both points.
     Exchanged([usize; 2]),
-    /// The points are mirrored.
+    /// The world coordinates of the points are mirrored.
     Mirrored,
 }
 

@@ -266,7 +266,7 @@ impl Site {
 /// Returns findings about unused landmarks, distances and cameras, with the reason.
 fn unused_landmarks(bundle: &BundleResult) -> impl Iterator<Item = Finding> {
     let landmarks = |list: &[usize]| -> Vec<Subject> {
-        // Stage 1 uses these marks.
+        // Stage 1 uses the marks in `single_marks`, so they are not reported as unused.
         let is_unused = |of: &LandmarkSource| match of {
             LandmarkSource::Mark(mark) => !bundle.single_marks.contains(mark),
             LandmarkSource::ControlPoint { .. } | LandmarkSource::Link(_) => true,
@@ -380,7 +380,7 @@ impl SiteCamera {
                 Finding::UncertaintyUnknown
             });
         }
-        // Otherwise an imported camera would get another copy in every solve.
+        // A finding that is not recomputed would be added to an imported camera again by every solve.
         debug_assert!(findings.iter().all(|finding| is_recomputed(finding.code())));
         findings
     }

@@ -5,9 +5,9 @@
 //! solution of the old period is therefore kept: a new solution of the old period would lack these links and
 //! marks.
 //!
-//! The annotations are transferred as new evidence. The position and the height of the old solution become
-//! priors. The old angles and focal length do not, because the same lines determine them and would be counted
-//! twice.
+//! The annotations are transferred as new evidence. The height of the old solution becomes a prior, and its position
+//! and rotated yaw become the placement. The old pitch, roll and focal length are not used, because the same lines
+//! determine them and would be counted twice.
 //!
 //! An image that shows a window of the old one (digital zoom or crop) keeps all annotations, also those outside the
 //! window. They are the same evidence, so the new solution is the old one.
@@ -53,9 +53,9 @@ pub struct NewImage {
 pub struct Recovered {
     /// Site with the new entry at the index of the old one. The old entry is moved to the end.
     pub site: Site,
-    /// Names of annotations that could not be transferred.
+    /// Names of the lines, control points, and observations of links and marks that could not be transferred.
     pub left_out: Vec<String>,
-    /// Number of transferred annotations.
+    /// Number of transferred lines, control points, and observations of links and marks.
     pub carried: usize,
 }
 
@@ -190,7 +190,7 @@ fn end_period(old: &SiteCamera, since: &str) -> SiteCamera {
     SiteCamera { valid_to: Some(since.to_owned()), solution, ..old.clone() }
 }
 
-/// Running transfer of one camera: the number of transferred annotations, and the names of the missing ones.
+/// Running transfer of one camera: the number of transferred items, and the names of the missing ones.
 struct Transfer<'a> {
     by: &'a dyn ImageTransfer,
     left_out: Vec<String>,

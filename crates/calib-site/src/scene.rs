@@ -41,13 +41,13 @@ document! {
         /// Standard deviation of the angle between verticals and the floor's normal, in degrees.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         floor_tilt_sigma_deg: Option<f64>,
-        /// Standard deviation of the crossfall, in degrees: the slope of the floor perpendicular to marks of
-        /// equal length, in addition to the floor tilt. A quarter of it applies along the marks. If absent,
-        /// it is 0 when `floor_tilt_sigma_deg` is set, otherwise the usual value.
+        /// Standard deviation of the crossfall, in degrees: the slope of the floor perpendicular to floor marks of
+        /// equal length, such as lane marks, in addition to the floor tilt. A quarter of it applies along these
+        /// marks. If absent, it is 0 when `floor_tilt_sigma_deg` is set, otherwise the usual value.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         crossfall_sigma_deg: Option<f64>,
-        /// Standard deviation of a right angle, in degrees. A quarter of it applies to the level of a floor
-        /// direction.
+        /// Standard deviation of a right angle, in degrees. A quarter of it applies to the elevation of a direction
+        /// above the floor.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         angle_sigma_deg: Option<f64>,
         /// Relative standard deviation between lengths that are annotated as equal.
@@ -129,7 +129,7 @@ document! {
         /// Height above the floor at the mean of the corners of the region, in metres; unknown if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         height_m: Option<PlaneNumber>,
-        /// Slope; if absent, the plane is level within the usual floor tilt.
+        /// Slope; if absent, the plane is level within the floor tilt of the scene.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         tilt: Option<TiltEntry>,
         /// Region of the plane: a polygon in floor coordinates, in metres. A pixel is mapped to the plane

@@ -129,9 +129,9 @@ impl SingleFit {
 impl Site {
     /// Runs stage 1 of a camera. An entered or imported solution is kept.
     ///
-    /// The lens is estimated better together with the other constraints: `better` is the estimate from the
-    /// bundle adjustment of the first fit. In the first fit no line is rejected, because the lens may be
-    /// wrong.
+    /// `better` is the lens estimate of a first fit, with the camera from its bundle adjustment. The lens of this
+    /// camera is more accurate, because all constraints determine it. The first fit rejects no line if the lens was
+    /// fitted, because that lens may be wrong.
     pub(crate) fn fit_single(
         &self,
         entry: &SiteCamera,
@@ -186,11 +186,11 @@ impl Site {
         shared: &SharedObservations,
     ) -> Result<SingleFit, Failure> {
         let SingleInputs { entry, fixed, .. } = inputs;
-        // Lines have their own evidence about the lens.
+        // The distortion is estimated from points only if the camera has no lines.
         let searches_lens = inputs.constraints.is_empty() && inputs.is_lens_open();
         let points = UsedPoints::new(self, entry);
         let of_points = points.options(entry, inputs.lens_estimate.lens, fixed);
-        // The fit, its mark, and the control points that contradict it.
+        // The mark, the control points that contradict the fit, and the fit.
         let by_control_points = || {
             points.determined(&of_points, searches_lens).map(|found| (None, points.suspects(&found), found))
         };
@@ -252,7 +252,7 @@ struct SingleInputs<'a> {
     is_draft: bool,
     /// Prior on the principal point; `None` if it is known.
     principal_point: Option<PrincipalPointPrior>,
-    /// Constraints on ground that may be steep; `None` if the slope of the ground is stated.
+    /// Constraints under a floor tilt that allows steep ground; `None` if scene errors are entered, or for a draft.
     sloping: Option<Constraints>,
 }
 
@@ -263,7 +263,8 @@ impl SingleInputs<'_> {
         roll.is_none() || pitch.is_none() || focal.is_none()
     }
 
-    /// Whether nothing determines the distortion: no entry, no other camera and no straight edge.
+    /// Whether nothing determines the distortion: there is no entry, no shared lens, no fit to edges and no image
+    /// circle.
     fn is_lens_open(&self) -> bool {
         let is_entered =
             self.entry.lens.as_ref().is_some_and(|lens| lens.distortion.is_some() || lens.like.is_some());
@@ -275,7 +276,7 @@ impl SingleInputs<'_> {
         self.constraints.is_empty() && self.lens_estimate.fit.is_some() && self.is_open()
     }
 
-    /// Returns the result of a camera that only points determine. `are_of_mark`: they belong to a mark.
+    /// Returns the result of a camera that only points determine. `are_of_mark` is true for the points of a mark.
     fn with_points(self, found: &PointFit, are_of_mark: bool) -> SingleFit {
         let mut result = from_points(self.entry, found);
         // `recount_redundancy` counts the redundancy of control points after the placement.
@@ -309,7 +310,8 @@ impl SingleInputs<'_> {
 }
 
 impl Site {
-    /// Returns the constraints of a camera on ground that may be steep; `None` if the slope is stated.
+    /// Returns the constraints of a camera under a floor tilt that allows steep ground; `None` if scene errors are
+    /// entered.
     fn sloping_constraints(&self, entry: &SiteCamera, lens: &Lens) -> Option<Constraints> {
         if entry.scene.or(self.scene).is_some() {
             return None;

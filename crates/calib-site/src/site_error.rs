@@ -9,7 +9,7 @@ pub struct SiteError {
     pub pointer: String,
     /// Kind of error.
     pub kind: SiteErrorKind,
-    /// Camera and annotation that contain the value.
+    /// Camera and annotation that contain the value; `None` if the value does not belong to a camera.
     pub subject: Option<Box<ErrorSubject>>,
 }
 
@@ -51,7 +51,7 @@ pub enum SiteErrorKind {
 pub struct ErrorSubject {
     /// Id of the camera.
     pub camera: String,
-    /// Annotation of this camera.
+    /// Annotation of this camera that contains the value; `None` if no annotation contains it.
     pub annotation: Option<NamedAnnotation>,
 }
 

@@ -10,7 +10,8 @@ document! {
     struct ElementSolution {
         /// World position, in metres.
         at_m: WorldPoint,
-        /// Rotation about the vertical axis, in degrees; absent for elements without a direction.
+        /// Rotation about the vertical axis, counter-clockwise, in degrees; for a line, its direction from +x. Absent
+        /// for elements without a direction.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         turn_deg: Option<f64>,
         /// Length of a post, in metres.
@@ -41,7 +42,7 @@ document! {
         /// Connected groups of cameras, by their ids.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         components: Vec<Vec<String>>,
-        /// Whether the scale of the site is known.
+        /// State of the scale of the site: known or unknown.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         scale: Option<Scale>,
         /// Loop closure: largest root mean square disagreement on the floor after initialisation, in metres.

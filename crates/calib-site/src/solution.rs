@@ -95,13 +95,13 @@ document! {
         /// Position x0, y0, z0 of the camera, in metres.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         position_m: Option<WorldPoint>,
-        /// Yaw, in degrees.
+        /// Yaw, in degrees, counter-clockwise seen from above. With yaw 0 the camera looks along +y.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         yaw_deg: Option<f64>,
         /// Pitch, in degrees, positive downwards.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pitch_deg: Option<f64>,
-        /// Roll, in degrees.
+        /// Roll, in degrees; positive if the camera is rotated clockwise, seen from behind.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         roll_deg: Option<f64>,
         /// Focal length, in pixels.
@@ -137,8 +137,8 @@ document! {
         /// Degrees of freedom: number of residuals minus number of unknowns.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         dof: Option<usize>,
-        /// `false` if lengths on the floor are known, but heights above it are not: the camera looks down, and
-        /// nothing determines its focal length. Absent otherwise.
+        /// `false` if lengths on the floor are known, but heights above it are not: the camera looks down, so that
+        /// the lines do not determine its focal length. Absent otherwise.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         heights_known: Option<bool>,
         /// Effective field of view (EFOV) projected onto the floor, in metres.
@@ -273,7 +273,7 @@ document! {
         hfov_deg: f64,
         /// Pitch, in degrees, positive downwards.
         pitch_deg: f64,
-        /// Roll, in degrees.
+        /// Roll, in degrees; positive if the camera is rotated clockwise, seen from behind.
         roll_deg: f64,
         /// Chi-square of this solution: sum of the squared residuals divided by their variances.
         chi2: f64,
@@ -287,7 +287,7 @@ document! {
 pub enum Method {
     /// Maximum-likelihood fit of all annotations, with residuals in pixels.
     MaximumLikelihood,
-    /// Criterion of the paper, for roll, pitch and focal length.
+    /// Criterion of the paper on two-stage calibration that this project extends, for roll, pitch and focal length.
     Paper,
     /// Imported or entered calibration, not computed from annotations.
     Given,

@@ -43,7 +43,7 @@ impl Units {
         let text = text.trim().to_lowercase().replace(['\u{2212}', '\u{2013}'], "-");
         let text =
             text.replace('\u{2019}', "'").replace('\u{201d}', "\"").replace("ft.", "ft").replace("in.", "in");
-        // 1,000 is a thousand or one.
+        // In feet, 1,000 can mean one thousand, or one with three decimals.
         let is_ambiguous = text.split_once(',').is_some_and(|(_, digits)| {
             self == Self::Feet && digits.len() == 3 && digits.chars().all(|c| c.is_ascii_digit())
         });

@@ -348,19 +348,29 @@ impl Calibrations {
         const MAX_IDS: usize = 5;
         let mut notes = Vec::new();
         for (id, count) in self.uncalibrated.iter().take(MAX_IDS) {
-            let why = if self.by_camera.contains_key(id) {
-                "have times without a valid calibration"
-            } else {
-                "have no calibration"
+            let why = match (self.by_camera.contains_key(id), *count) {
+                (true, 1) => "has no calibration that is valid at its time",
+                (true, _) => "have no calibration that is valid at their times",
+                (false, 1) => "has no calibration",
+                (false, _) => "have no calibration",
             };
-            notes.push(format!("{count} rows of camera \"{id}\" {why}: status no-calibration"));
+            notes.push(format!("{} of camera \"{id}\" {why}: status no-calibration", rows_text(*count)));
         }
         let more = self.uncalibrated_others + self.uncalibrated.values().skip(MAX_IDS).sum::<u64>();
         if more > 0 {
-            notes.push(format!("and {more} rows of other cameras; check the name of the camera column"));
+            let has = if more == 1 { "has" } else { "have" };
+            notes.push(format!(
+                "{} of other cameras {has} no calibration; check the name of the camera column",
+                rows_text(more)
+            ));
         }
         notes
     }
+}
+
+/// Formats a number of rows: "1 row", "2 rows".
+fn rows_text(count: u64) -> String {
+    calib_site::counted(usize::try_from(count).unwrap_or(usize::MAX), "row", "rows")
 }
 
 /// Returns notes about cameras whose coordinates have another origin or another scale than the site.

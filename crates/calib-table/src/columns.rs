@@ -71,15 +71,19 @@ impl BadCells {
     /// Returns messages about the invalid cells and rows.
     #[must_use]
     pub fn notes(&self) -> Vec<String> {
-        let whole = "are incomplete (wrong number of cells, not a JSON object, or not UTF-8)";
+        let causes = " (wrong number of cells, not a JSON object, or not UTF-8)";
         let counts = [
-            (&self.incomplete, format!("rows {whole}: their status is")),
-            (&self.count, "cells are not numbers or times: the status of their rows is".to_owned()),
+            (&self.incomplete, ["row is incomplete", "rows are incomplete"], causes),
+            (&self.count, ["cell is not a number or time", "cells are not numbers or times"], ""),
         ];
-        let counts = counts.into_iter().map(|(count, what)| (count.load(Ordering::Relaxed), what));
-        counts
-            .filter(|(count, _)| *count > 0)
-            .map(|(count, what)| format!("{count} {what} missing or no-calibration"))
+        let counts = counts.map(|(count, words, causes)| (count.load(Ordering::Relaxed), words, causes));
+        let found = counts.into_iter().filter(|(count, ..)| *count > 0);
+        found
+            .map(|(count, [one, many], causes)| {
+                let count = usize::try_from(count).unwrap_or(usize::MAX);
+                let what = calib_site::counted(count, one, many);
+                format!("{what}{causes}: status missing or no-calibration")
+            })
             .collect()
     }
 }

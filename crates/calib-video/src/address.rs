@@ -27,7 +27,7 @@ impl fmt::Debug for Credentials {
 pub struct SnapshotOptions {
     /// Name and password; those in the address are preferred.
     pub credentials: Option<Credentials>,
-    /// Maximum time.
+    /// Longest time for reading an address.
     pub timeout: Duration,
     /// Whether any HTTPS certificate is accepted, without verification.
     pub accepts_any_certificate: bool,
@@ -46,7 +46,7 @@ pub struct Snapshot {
     pub image: RgbImage,
     /// The JPEG file that the camera sent; `None` for another format and for video.
     pub jpeg: Option<Vec<u8>>,
-    /// Pixel aspect `fy / fx` that a video states; 1 for images.
+    /// Pixel aspect `fy / fx` of a video; 1 for images.
     pub pixel_aspect: f64,
 }
 

@@ -7,7 +7,7 @@ use crate::stream::{Codec, MAX_FRAMES, Packet, Source, Stream, bytes_at, length}
 const MAX_CHUNKS: usize = 30_000_000;
 /// Number of bytes of a packet that are searched for the types of its units.
 const KEY_BYTES: u64 = 512;
-/// Largest depth of lists.
+/// Largest depth of nested lists.
 const MAX_DEPTH: usize = 6;
 
 /// Reads the first video stream.
@@ -60,7 +60,7 @@ struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    /// Reads all chunks in a range of the file; a file may be cut.
+    /// Reads all chunks in a range of the file. The last chunk may be cut off.
     fn chunks_between(&mut self, [mut at, end]: [u64; 2], depth: usize) -> Result<(), VideoError> {
         while at + 8 <= end {
             self.chunks += 1;
@@ -97,7 +97,8 @@ impl Walk<'_> {
         Ok(())
     }
 
-    /// Whether a chunk is a packet of the video stream: its number, then `dc` (compressed) or `db`.
+    /// Whether a chunk is a packet of the video stream. Its name is the number of the stream, then `dc` (compressed)
+    /// or `db`.
     fn is_packet(&self, name: &[u8]) -> bool {
         let Some(Video { index, .. }) = &self.video else { return false };
         let number = format!("{index:02}");

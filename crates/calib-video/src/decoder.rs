@@ -14,7 +14,7 @@ const MAX_PIXELS: u64 = 64_000_000;
 pub(crate) type Show<'a> =
     dyn FnMut(usize, &dyn Fn() -> Result<RgbImage, VideoError>) -> Result<(), VideoError> + 'a;
 
-/// Decodes a group of packets, and passes every frame to `show`. Damaged packets are skipped.
+/// Decodes a group of packets, and passes every frame to `show`. Damaged units of H.264 and H.265 are skipped.
 pub(crate) fn decode(codec: &Codec, packets: &[Vec<u8>], show: &mut Show<'_>) -> Result<(), VideoError> {
     match codec {
         Codec::MotionJpeg => {
@@ -92,7 +92,7 @@ fn h265(record: Option<&[u8]>, packets: &[Vec<u8>], show: &mut Show<'_>) -> Resu
             let _ = decoder.decode_nal(&unit);
         }
     }
-    // Position of the number of bytes of a length in the record.
+    // Byte 21 of the record contains the number of bytes of a length, minus 1, in its last two bits.
     let length_size = record.and_then(|record| record.get(21)).map(|byte| (byte & 3) + 1);
     for packet in packets {
         let units = match length_size {

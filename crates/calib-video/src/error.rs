@@ -49,7 +49,9 @@ impl fmt::Display for VideoError {
                  for example with `ffmpeg -i VIDEO -c:v libx264 video.mp4`"
             ),
             Self::NoVideoTrack => f.write_str("has no video track; choose another file"),
-            Self::TooLarge([w, h]) => write!(f, "has frames of {w} x {h} pixels, more than 64 megapixels"),
+            Self::TooLarge([w, h]) => {
+                write!(f, "has frames of {w} x {h} pixels, more than 64 megapixels; scale the video down")
+            }
             Self::Memory => f.write_str(
                 "needs more than 2 GB of memory at once; use fewer frames, or a video with more key frames",
             ),

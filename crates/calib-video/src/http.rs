@@ -13,7 +13,7 @@ const MAX_BYTES: u64 = 64 << 20;
 /// Largest number of redirects.
 const MAX_REDIRECTS: usize = 3;
 
-/// Returns the failure of a request.
+/// Creates the error of a failed request.
 fn failed(uri: &Uri, what: impl std::fmt::Display) -> SnapshotError {
     SnapshotError::failed(&uri.to_string(), what)
 }

@@ -3,7 +3,7 @@
 //!
 //! Containers: MP4 and MOV (also fragmented), Matroska and `WebM`, AVI. Codecs: H.264, H.265 and motion JPEG.
 //! The pixels of a frame are those that a tracker gets from the same file: rotated as the file demands, and not
-//! scaled. If they are not square, [`Video::pixel_aspect`] states their aspect.
+//! scaled. [`Video::pixel_aspect`] returns their aspect.
 //!
 //! Rule: a file may be hostile. Sizes are checked before memory is allocated, and a panic in a library is an
 //! error of the file. The modules, in data-flow order:

@@ -1,7 +1,7 @@
 //! Streams of MP4 and MOV files.
 //!
-//! `re_mp4` reads the boxes. It does not end on a box of length 0 inside another box, and it trusts counts.
-//! Therefore all boxes are walked first.
+//! `re_mp4` reads the boxes. It does not end on a box of length 0 inside another box, and it does not check counts.
+//! Therefore all boxes are checked first.
 
 use re_mp4::{FourCC, Mp4, StsdBoxContent};
 
@@ -85,7 +85,7 @@ impl Walk<'_> {
             let [size, name] = [0, 4].map(|k| [header[k], header[k + 1], header[k + 2], header[k + 3]]);
             let (size, body) = match u32::from_be_bytes(size) {
                 1 => (u64::from_be_bytes(bytes_at(self.source, at + 8)?), at + 16),
-                // At the end of the file, a length of 0 means the rest.
+                // Outside other boxes, the length 0 means the rest of the file.
                 0 if depth == 0 => return Ok(()),
                 size => (u64::from(size), at + 8),
             };
@@ -124,7 +124,7 @@ impl Walk<'_> {
                 }
                 Ok(())
             }
-            // Both boxes have a version and one or no number before the count of frames.
+            // In `stsz`, a version and a size precede the count of frames; in `trun`, only a version.
             b"stsz" => self.count_frames(body + 8),
             b"trun" => self.count_frames(body + 4),
             _ => Ok(()),

@@ -26,7 +26,7 @@ pub(crate) enum Codec {
 }
 
 impl Codec {
-    /// Whether a packet starts with a frame that needs no other frame, from the types of its units.
+    /// Whether a packet contains a frame that needs no other frame, by the types of its units.
     pub(crate) fn is_key(&self, packet: &[u8]) -> bool {
         let (record, size_at) = match self {
             Self::MotionJpeg => return true,
@@ -50,7 +50,7 @@ impl Codec {
     }
 }
 
-/// Returns the first byte of the next unit, and moves behind it.
+/// Returns the first byte of the next unit, and removes the unit, or its start code, from `rest`.
 fn next_unit(rest: &mut &[u8], length_size: Option<u8>) -> Option<u8> {
     match length_size.map(usize::from) {
         Some(size) => {
@@ -74,7 +74,7 @@ pub(crate) struct Packet {
     pub(crate) time_s: f64,
     /// Whether decoding can start here.
     pub(crate) is_key: bool,
-    /// Position in the file and length, in bytes.
+    /// Position in the file and length, in bytes. In Matroska, the position is the number of the frame.
     pub(crate) bytes: [u64; 2],
 }
 

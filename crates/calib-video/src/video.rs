@@ -71,7 +71,7 @@ pub fn is_video(beginning: &[u8]) -> bool {
 fn container_of(beginning: &[u8]) -> Option<Container> {
     let has = |at: usize, name: &[u8]| beginning.get(at..at + name.len()) == Some(name);
     let is_box = [b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip"].iter().any(|name| has(4, &name[..]));
-    // Images in the containers of MP4 and AVI.
+    // Images in the container of MP4.
     let is_image =
         [b"heic", b"heix", b"mif1", b"avif"].iter().any(|name| has(8, &name[..])) && has(4, b"ftyp");
     match () {
@@ -177,8 +177,8 @@ impl Video {
         (0..count).filter_map(|i| shown.get((2 * i + 1) * shown.len() / (2 * count)).copied()).collect()
     }
 
-    /// Returns the frames that are shown at these times, in seconds and in ascending order; a frame only once. Each frame
-    /// has the time when it appears.
+    /// Returns the frames that are shown at these times, in seconds and in ascending order. Each frame is returned
+    /// once, with the time when it appears.
     ///
     /// `progress` gets the share of the work done, 0 to 1, and returns whether to continue.
     ///
@@ -222,7 +222,7 @@ impl Video {
         if found.is_empty() { Err(last_error) } else { Ok(found) }
     }
 
-    /// Returns what to decode for the frames that are shown at these times, in ascending order.
+    /// Returns the decoding requests for the frames that are shown at these times, in seconds and in ascending order.
     fn requests(&self, times_s: &[f64]) -> Vec<Request> {
         let (mut requests, mut asked) = (Vec::new(), 0);
         for Group { mut packets, end_s } in self.groups() {

@@ -28,7 +28,7 @@ pub(crate) fn usual_size_menu(ui: &mut Ui, units: Units, annotation: &Annotation
     let palette = theme::palette(ui.ctx());
     let constraint = annotation.kind.row().constraint;
     let own = annotation.usual_size();
-    let title = own.map_or("like\u{2026}".to_owned(), |usual| format!("like {}", size(units, usual)));
+    let title = own.map_or("usual\u{2026}".to_owned(), |usual| format!("usual: {}", size(units, usual)));
     let mut chosen = None;
     ui.menu_button(RichText::new(title).small().color(palette.text2), |ui| {
         for usual in USUAL_SIZES.iter().filter(|usual| usual.constraint == constraint) {
@@ -55,7 +55,8 @@ fn size(units: Units, usual: &UsualSize) -> String {
     units.short_length_and_sigma(usual.size.value, usual.size.sigma.unwrap_or(0.0))
 }
 
-/// Request of the operator in a row of the table. The first number is the index of the annotation.
+/// Request of the operator in a row of the table. The first number is the index of the annotation. `Select` also
+/// contains the index of the line, and whether the line is added to the selection.
 enum RowRequest {
     Select(usize, usize, bool),
     Toggle(usize),
@@ -141,8 +142,8 @@ fn group(
         ui.label(RichText::new(name).font(theme::medium(12.0)));
         ui.label(RichText::new(count.to_string()).color(palette.text3));
         if annotation.at_right_angles_to.is_some() {
-            ui.label(RichText::new("square").color(palette.text2))
-                .on_hover_text("Perpendicular to another direction");
+            ui.label(RichText::new("right angle").color(palette.text2))
+                .on_hover_text("At right angles to another direction");
         }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if row.has_length || row.constraint == ConstraintKind::Upright {

@@ -26,7 +26,8 @@ pub(crate) fn known_values_ui(app: &mut App, ui: &mut Ui) {
     section.show(ui, |ui| contents(app, ui, (&of, size), &lens));
 }
 
-/// Shows the fields. The page loads them with its second part.
+/// Shows the fields of the known values. The function is not inlined, so that the web build can load it later, in the
+/// second part of the program.
 #[inline(never)]
 fn contents(app: &mut App, ui: &mut Ui, (of, size): (&Period, [u32; 2]), lens: &LensEntry) {
     data_sheet(app, ui, (of, size), lens);
@@ -91,7 +92,7 @@ fn pixel_aspect(app: &mut App, ui: &mut Ui, size: [u32; 2], lens: &LensEntry) {
     ];
     let mut chosen = own;
     ui.horizontal(|ui| {
-        let tip = "Width of a pixel over its height. Some recorders save stretched images.";
+        let tip = "Width of a pixel divided by its height. Some recorders save stretched images.";
         choose(ui, "Pixel aspect", tip, &choices, &mut chosen);
         if let Some(PixelAspectEntry::Known(value)) = &mut chosen {
             let field = DragValue::new(value).speed(0.001).range(0.1..=10.0).max_decimals(4);

@@ -63,8 +63,8 @@ impl LensSource {
                 }
             }
             Self::Fisheye => "fisheye".into(),
-            Self::Given => "given".into(),
-            Self::Like(id) => format!("like {id}"),
+            Self::Given => "entered".into(),
+            Self::Like(id) => format!("same as {id}"),
         }
     }
 }

@@ -375,7 +375,8 @@ fn distance_text(app: &App, apart: LinkDistance) -> String {
     )
 }
 
-/// Shows the links of the current camera whose views disagree more than their uncertainty explains.
+/// Shows the number of the current camera's links whose views disagree on the floor by more than three standard
+/// deviations, with a button that shows all cameras.
 pub(crate) fn far_apart(app: &mut App, ui: &mut Ui) {
     let (far, all) = inconsistent_links(app.editor.session(), app.editor.session().camera);
     if all == 0 {

@@ -42,7 +42,7 @@ pub(crate) fn paint_on_image(app: &App, camera: usize, overlay: &Overlay, painte
         for at in overlay.path(&own) {
             handle(painter, at, on_image::WAITING);
         }
-        // The panel states the reason.
+        // The panel shows the reason.
         let is_valid = matches!(shown.values.get(index), Some(Ok(_)));
         let text = if is_valid { shown.text(index, measurement, units) } else { "not measured".into() };
         let at = overlay.path(&[last]).first().copied().unwrap_or_default();

@@ -167,7 +167,7 @@ pub(crate) fn result_ui(app: &mut App, ui: &mut Ui) {
         return;
     };
     let lines = calib_site::counted(solution.residuals.len(), "line", "lines");
-    let rms = solution.rms_px.map_or_else(String::new, |rms| format!("rms {rms:.1} px, {lines}"));
+    let rms = solution.rms_px.map_or_else(String::new, |rms| format!("RMS {rms:.1} px, {lines}"));
     heading(ui, "Result", &rms);
     for which in NUMBERS {
         orientation_row(app, ui, &solution, which);
@@ -226,7 +226,7 @@ fn centre_row(ui: &mut Ui, solution: &Solution) {
 /// The tilt and its direction replace them.
 pub(crate) fn orientation_row(app: &mut App, ui: &mut Ui, solution: &Solution, which: Number) {
     let down = solution.camera().and_then(|camera| camera.straight_down());
-    // A fixed number can always be released.
+    // A quantity with an entry keeps its row, so that the operator can remove the entry.
     let Some(down) = down.filter(|_| which.known(app).is_none()) else {
         return number_row(app, ui, solution, which);
     };

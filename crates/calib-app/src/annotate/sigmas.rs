@@ -26,10 +26,10 @@ const SCENE_KINDS: [SceneKind; 5] = [
     ),
 ];
 
-/// Kinds of scenes that answer the question whether the ground rises.
+/// Kinds of scenes that are offered as answers to the question whether the ground rises.
 pub(crate) const GROUND_ANSWERS: [SceneKind; 3] = [SCENE_KINDS[1], SCENE_KINDS[2], SCENE_KINDS[3]];
 
-/// Returns a scene with these slopes of the floor along and across markings, in degrees.
+/// Returns a scene with these standard deviations of the floor slope along and across markings, in degrees.
 const fn with_slopes(tilt: f64, crossfall: f64) -> SceneEntry {
     SceneEntry::Sigmas(SceneSigmas {
         floor_tilt_sigma_deg: Some(tilt),
@@ -45,7 +45,7 @@ pub(crate) fn sigmas_ui(app: &mut App, ui: &mut Ui) {
     let site = session.site.scene;
     let Some(own) = session.entry().map(|entry| entry.scene) else { return };
     let chosen = scene_choice(ui, "Scene type (site)", site, SCENE_KINDS[0], errors(None));
-    let as_site = ("Same as the site", None, "Uses the scene of the site");
+    let as_site = ("Same as the site", None, "Uses the scene type of the site");
     let own_chosen = scene_choice(ui, "Scene type (camera)", own, as_site, errors(site));
     if chosen != site || own_chosen != own {
         set_scenes(app, chosen, own_chosen);

@@ -128,7 +128,8 @@ fn json_answer(answer: &impl serde::Serialize) -> Result<Array, String> {
     Ok(Array::of1(&Uint8Array::from(page::write(answer)?.as_bytes()).into()))
 }
 
-/// Returns an answer with the RGB bytes of an image, its width, and more bytes.
+/// Returns an answer with the RGB bytes of an image, its width, and `bytes`: the file of a rendered image, otherwise
+/// empty.
 fn image_answer(image: &RgbImage, bytes: &[u8]) -> Result<Array, String> {
     Ok(Array::of3(&Uint8Array::from(&**image).into(), &image.width().into(), &Uint8Array::from(bytes).into()))
 }

@@ -63,7 +63,7 @@ fn sheet_ui(sheet: &mut AddressSheet, app: &App, ui: &mut Ui) -> bool {
         if sheet.address.trim_start().to_ascii_lowercase().starts_with("https") {
             let text = "Accept any certificate";
             ui.checkbox(&mut sheet.accepts_any_certificate, text).on_hover_text(
-                "Cameras often have certificates that no authority has signed. With this option, anyone in the network can pose as the camera.",
+                "Cameras often have certificates that no authority has signed. With this option, anyone on the network can pose as the camera.",
             );
         }
     });

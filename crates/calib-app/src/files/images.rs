@@ -158,7 +158,8 @@ impl App {
         self.add_video_still(ctx, file, 1.0);
     }
 
-    /// Starts reading an image that becomes a camera. `pixel_aspect` is the pixel aspect that its video states.
+    /// Starts reading an image that becomes a camera. `pixel_aspect` is from the metadata of its video; 1 for square
+    /// pixels.
     pub(crate) fn add_video_still(&mut self, ctx: &Context, file: Chosen, pixel_aspect: f64) {
         let title = camera_name(file.path.as_deref().unwrap_or(Path::new(&file.name)));
         self.add_named_still(ctx, file, title, pixel_aspect);
@@ -171,8 +172,10 @@ impl App {
         /// Deviation from 1 below which pixels are square.
         const NEGLIGIBLE: f64 = 1e-3;
         if !ACCEPTED.contains(&pixel_aspect) {
-            let text =
-                format!("The pixel aspect {pixel_aspect:.4} of the video is not plausible, and is ignored.");
+            let text = format!(
+                "The pixel aspect {pixel_aspect:.4} of the video is implausible and was ignored. \
+                 Enter it in Known values."
+            );
             self.act(Action::Note(text));
         }
         let is_used = |aspect: &f64| (aspect - 1.0).abs() > NEGLIGIBLE && ACCEPTED.contains(aspect);
@@ -256,7 +259,7 @@ impl App {
         while let Some(still) = self.jobs.adding.first().and_then(Task::outcome) {
             self.jobs.adding.remove(0);
             match still.map_err(|_| "An image could not be read. Add it again.".to_owned()).flatten() {
-                // No camera writes an image with a position on the map.
+                // An image with a map position is a floor plan, not the image of a camera.
                 Ok(picture) if picture.position.is_some() && self.editor.site().plan.is_none() => {
                     self.show_plan(picture, None);
                 }
@@ -284,8 +287,8 @@ impl App {
         }
     }
 
-    /// Converts an image that was read to an image for the site. A rasterised SVG drawing is first stored in the site
-    /// as PNG.
+    /// Converts an image that was read to an image for the site. A PNG of the image is first stored in the site. It
+    /// exists for a rasterised SVG drawing, and for a format that only the browser decodes.
     pub(crate) fn stored(&mut self, picture: ReadPicture) -> NewImage {
         let ReadPicture { still, drawn, .. } = picture;
         let Some(png) = drawn else { return still };
@@ -328,7 +331,7 @@ impl App {
         match read {
             Ok(bytes) => Some(File { name, bytes }),
             Err(error) => {
-                self.act(Action::AddError(format!("Can't open {name}: {error}")));
+                self.act(Action::AddError(format!("Cannot open {name}: {error}")));
                 None
             }
         }
@@ -344,7 +347,7 @@ impl App {
             .find_map(|text| parse(&text, None).err())
             .map_or_else(String::new, |error| format!(": not a valid site ({error})"));
         let names = names.join(", ");
-        self.act(Action::AddError(format!("Can't open {names}{as_site}. {error} {KNOWN_FILES}")));
+        self.act(Action::AddError(format!("Cannot open {names}{as_site}. {error} {KNOWN_FILES}")));
     }
 
     /// Adds the cameras, the lenses or the plan of imported files to the site.

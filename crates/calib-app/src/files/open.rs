@@ -1,5 +1,5 @@
 //! Opening of files: sites, images, floor plans, calibrations of other programs and tables of points. The kind of a
-//! file follows from its content, so one command opens all of them, and so does dropping.
+//! file follows from its name and content, so one command opens all kinds. Dropped files are opened in the same way.
 
 use std::path::{Path, PathBuf};
 
@@ -47,7 +47,7 @@ impl FileKind {
         let head = file.head();
         let is_site = |text: &[u8]| text.windows(SITE_FORMAT.len()).any(|part| part == SITE_FORMAT);
         let is_json = has_ending(name, "json") || head.trim_ascii_start().starts_with(b"{");
-        // In a sorted site file, the format is behind the cameras.
+        // In a site file with sorted keys, the format is after the cameras, possibly beyond the first bytes.
         let is_whole_site = || match &file.bytes {
             Some(text) => is_site(text),
             None => file.clone().into_bytes().is_ok_and(|text| is_site(&text)),
@@ -88,9 +88,9 @@ impl App {
 
     /// Opens chosen or dropped files and folders.
     ///
-    /// A site is opened with its images. Without a site, images become cameras, or the plan if the plan is shown
-    /// and the site has none. Images with a world file and drawings become the plan. Other files are imported after
-    /// the images and the plan are read.
+    /// A site is opened with its images. Without a site, images become cameras. A single image becomes the plan if
+    /// the plan view is shown and the site has no plan. Images with a world file and drawings become the plan. Other
+    /// files are imported after the images and the plan are read.
     pub fn open_files(&mut self, ctx: &Context, files: Vec<Chosen>) {
         let files = self.without_folders(files);
         let mut kinds: Vec<(FileKind, Chosen)> =
@@ -105,7 +105,7 @@ impl App {
         for (kind, file) in kinds {
             match kind {
                 FileKind::Refused(reason) => {
-                    self.act(Action::AddError(format!("Can't open {}: {reason}.", file.name)));
+                    self.act(Action::AddError(format!("Cannot open {}: {reason}.", file.name)));
                 }
                 FileKind::Video => videos.push(file),
                 FileKind::Other if !is_world_file(&file) => others.push(file),
@@ -210,7 +210,7 @@ impl App {
         self.add_newer(ctx, newer);
     }
 
-    /// Adds the files that are missing images of the site to it, and removes them from `files`.
+    /// Adds the images that the site lacks from `files` to the site, and removes these files from `files`.
     fn attach(&mut self, files: &mut Vec<Chosen>) {
         let made = self.editor.session().images.missing.is_some();
         let mut used = vec![false; files.len()];

@@ -71,7 +71,7 @@ impl App {
         }
     }
 
-    /// Restores an autosave of a crashed session, by its index in the list of the start page.
+    /// Restores an unsaved site from its autosave, by its index in the list of the start page.
     pub fn recover(&mut self, index: usize) {
         if index >= self.storage.found.len() {
             return;
@@ -112,7 +112,7 @@ impl App {
         }
     }
 
-    /// Deletes an autosave of a crashed session, by its index in the list of the start page.
+    /// Deletes the autosave of an unsaved site, by its index in the list of the start page.
     pub fn discard_found(&mut self, index: usize) {
         if index < self.storage.found.len() {
             self.storage.found.remove(index).0.forget();
@@ -151,8 +151,8 @@ impl App {
             self.act(Action::Note(note.into()));
         }
         let session = self.editor.session();
-        // After an undo to the saved state the autosave would be superfluous. It is written nevertheless,
-        // because it does not record the saved state.
+        // The autosave is written even after an undo to the saved state, because the autosave does not record which
+        // state was saved.
         let site = session.site_with_joint_results();
         if self.storage.shelf.is_some() {
             self.storage.thumbnail.renew(&site, &self.pictures);
@@ -172,7 +172,7 @@ impl App {
         let Some(autosave) = &self.storage.autosave else { return };
         if let Err(error) = autosave.keep(&site, &session.images, session.path.as_deref(), self.storage.held)
         {
-            self.act(Action::SetError(format!("Autosave failed: {error}")));
+            self.act(Action::SetError(format!("Autosave failed: {error}. Save the site to a file.")));
         }
     }
 

@@ -55,7 +55,7 @@ const HINT: &str = "Or drop files here.";
 const PRIVACY_NOTES: [&str; 2] =
     ["Images never leave this machine.", "Nothing is uploaded; calib works offline."];
 
-/// Shows the start page; `web/index.html` shows the same picture while the program loads.
+/// Shows the start page; `web/index.html` shows the same content while the program loads.
 pub(crate) fn start_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let (mut chosen, mut recover) = (None, None);
@@ -165,8 +165,8 @@ fn choices(ui: &mut Ui) -> Option<Command> {
     chosen
 }
 
-/// Shows the autosaves of crashed sessions. Returns the index of the chosen autosave, and whether to restore
-/// or discard it.
+/// Shows the autosaves of unsaved sites. Returns the index of the chosen autosave, and whether to restore (true) or
+/// discard it (false).
 fn autosaves_ui(app: &mut App, ui: &mut Ui) -> Option<(usize, bool)> {
     let mut recover = None;
     for index in 0..app.storage.found.len() {
@@ -200,7 +200,7 @@ fn autosaves_ui(app: &mut App, ui: &mut Ui) -> Option<(usize, bool)> {
 fn autosave_text(found: &Found) -> [String; 2] {
     let file =
         found.path.as_deref().and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned());
-    let name = found.site.name.clone().or_else(|| file.clone()).unwrap_or_else(|| "A new site".into());
+    let name = found.site.name.clone().or_else(|| file.clone()).unwrap_or_else(|| "Unnamed site".into());
     let when = found.at.zip(Here::now()).map(|(at, now)| ago(at, now));
     let count = cameras(found.site.cameras.len());
     let parts = [Some("Not saved".to_owned()), when, Some(count), file];
@@ -220,8 +220,8 @@ fn autosave_buttons(ui: &mut Ui, folder: &str, [name, words]: &[String; 2]) -> O
     .inner
 }
 
-/// Shows a button for an action on the site `name` that cannot be undone; returns true at the second click. `texts` are
-/// the texts before the first and before the second click. A click elsewhere cancels the first click.
+/// Shows a button for an action on the site `name` that cannot be undone; returns true at the second click. `texts`
+/// are the texts before the first and before the second click. A click elsewhere cancels the first click.
 fn confirmed(ui: &mut Ui, key: &str, texts: [&str; 2], name: &str) -> bool {
     let id = ui.scope_id().with(("confirmed", key));
     let is_armed = ui.data(|data| data.get_temp(id).unwrap_or(false));

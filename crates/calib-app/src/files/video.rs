@@ -40,7 +40,7 @@ impl App {
         )));
     }
 
-    /// Adds the saved image of a video as a camera, or compares it if its name says that it is a newer image.
+    /// Adds the saved image of a video as a camera, or compares it if its name identifies it as a newer image.
     fn add_frame(&mut self, ctx: &Context, sheet: &VideoSheet, image: Chosen) {
         let mut files = vec![image];
         self.take_newer(ctx, &mut files);
@@ -124,7 +124,7 @@ fn image_ui(sheet: &VideoSheet, ui: &mut Ui) {
         _ => &still.texture,
     });
     let first = sheet.strip.first().map(|(_, small)| small);
-    // A wide and low screen shows the whole sheet, too.
+    // The height of the image is limited, so that a low window has room for the whole sheet.
     let most = Vec2::new(width, (ui.ctx().content_rect().height() - 320.0).min(0.6 * width).max(120.0));
     match shown.or(first) {
         Some(texture) => {
@@ -170,7 +170,7 @@ fn strip_ui(sheet: &mut VideoSheet, ui: &mut Ui) {
 
 /// Shows the time of the frame, and the choice of the scene without moving objects.
 fn choice_ui(sheet: &mut VideoSheet, ui: &mut Ui) {
-    // The last frame is shown before the end.
+    // At the duration itself, the video has no frame.
     let most = (sheet.duration_s - 1e-3).max(0.0);
     ui.add_enabled_ui(!sheet.removes_moving, |ui| {
         ui.horizontal(|ui| {

@@ -21,8 +21,8 @@ pub struct Changed<'a> {
 }
 
 impl<'a> Overlay<'a> {
-    /// Sets the newer image that the overlay compares, and the screen x from which it is visible. Suggestions
-    /// are hidden.
+    /// Sets the newer image that the overlay compares, and the screen x from which it is visible. Hides suggestions,
+    /// grid, prism, horizon, guide, field of view and line extensions.
     pub(crate) fn compare(&mut self, split: f32, newer: Option<&'a NewerImage>) {
         self.changed = newer.map(|newer| Changed { newer, split });
         self.suggested.clear();

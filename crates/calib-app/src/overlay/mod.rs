@@ -120,8 +120,8 @@ impl Overlay<'_> {
         self.mapping.path(pixels)
     }
 
-    /// Returns a line of the scene, given by raw pixels, as the curve that the distorted image shows, on the
-    /// screen.
+    /// Returns the image of a straight line of the scene through these raw pixels, curved by the distortion, as
+    /// screen points.
     pub(crate) fn curve(&self, pixels: &[Pixel]) -> Vec<Pos2> {
         let Some(entry) = self.entry() else { return self.path(pixels) };
         self.path(&annotated_line_curve(

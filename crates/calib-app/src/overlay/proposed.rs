@@ -79,7 +79,7 @@ impl Overlay<'_> {
         let rival = self.session.proposed().and_then(|proposed| proposed.alternative.as_ref());
         if let Some(rival) = rival.map(|rival| rival.orientation) {
             let rival = Camera { roll: rival.roll, pitch: rival.pitch, focal: rival.focal, ..*pose };
-            self.paint_named(painter, &rival, entry, (0.25, "or here"));
+            self.paint_named(painter, &rival, entry, (0.25, "horizon of the other solution"));
         }
     }
 

@@ -11,10 +11,10 @@ use crate::state::{App, Computed, Shading, ShownBorder, ShownCoverage};
 use crate::theme::{self, colour, on_image};
 use crate::widgets::{decimals, number};
 
-/// Height of a target above the floor, with its name.
+/// Target: name, and height above the floor in metres.
 type Target = (&'static str, f64);
 
-/// Targets to choose from, with usual heights in metres.
+/// Targets to choose from, with usual heights.
 const TARGETS: [Target; 3] = [("the floor", 0.0), ("number plates", 0.6), ("faces", 1.6)];
 
 /// Opacity of the colours over the plan.
@@ -122,7 +122,7 @@ fn paint_survey(site: &Site, found: Option<&Computed>, painter: &Painter, mappin
 /// Shows the legend in a corner of the plan, with the height of the targets to choose. Returns its rectangle;
 /// `None` if the plan is too small.
 pub(crate) fn legend_ui(app: &mut App, ui: &mut Ui, rect: Rect) -> Option<Rect> {
-    /// Smallest plan with a legend, and the width of the legend.
+    /// Smallest size of a plan with a legend, in points.
     const MIN_SIZE: Vec2 = Vec2::new(320.0, 300.0);
     const WIDTH: f32 = 214.0;
     if rect.width() < MIN_SIZE.x || rect.height() < MIN_SIZE.y {
@@ -172,7 +172,7 @@ pub(crate) fn legend_ui(app: &mut App, ui: &mut Ui, rect: Rect) -> Option<Rect> 
     Some(shown.response.rect)
 }
 
-/// Shows the choice of the targets.
+/// Shows the choices of the quantity by which the floor is coloured, and of the targets.
 fn target_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let units = app.editor.session().site.units;

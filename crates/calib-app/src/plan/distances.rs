@@ -86,7 +86,7 @@ pub(crate) fn agreement(app: &mut App, ui: &mut Ui) {
         if app.editor.session().live.before_refine.is_some()
             && ui
                 .button("Show the earlier poses")
-                .on_hover_text("Show or hide the poses before the last joint solve")
+                .on_hover_text("Show or hide the poses before the last refinement")
                 .clicked()
         {
             chosen = Some(Command::CompareBefore);

@@ -111,7 +111,7 @@ fn layers(ui: &mut Ui, drawing: &DrawingFacts, plan: &mut Plan) -> Option<&'stat
                         .iter()
                         .filter(|other| if other.name == layer.name { is_shown } else { other.is_shown });
                     let shown: Vec<String> = shown.map(|layer| layer.name.clone()).collect();
-                    // A plan without layers would have nothing to show.
+                    // At least one layer stays visible, because a plan without layers is empty.
                     if !shown.is_empty() {
                         (plan.layers, changed) = (Some(shown), Some("choose layers of the plan"));
                     }
@@ -150,7 +150,7 @@ pub(crate) fn walls_menu(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// Adds the straight lines of a layer as walls. `states_unit`: the drawing states its unit.
+/// Adds the straight lines of a layer as walls. `states_unit` is true if the drawing contains its unit.
 fn add_walls(app: &mut App, layer: &Layer, states_unit: bool) {
     let mut site = app.editor.site().clone();
     let scale = plan_scale(&site);

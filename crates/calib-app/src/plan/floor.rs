@@ -26,7 +26,7 @@ pub struct Floor<'a> {
     pub blend: bool,
     /// Whether fields of view are filled, so that overlaps are visible.
     pub fills_fields: bool,
-    /// Semi-axes of position ellipses.
+    /// Size of the position ellipses.
     pub ellipses: EllipseSize,
     /// Poses of the cameras before the current gesture or the last joint solve, painted as ghosts.
     pub before: &'a [Option<Camera>],

@@ -135,9 +135,9 @@ fn field(
         let changed = ui.add_sized([84.0, 20.0], edit).labelled_by(label.id).changed();
         let clicked = ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
             let tip = match (is_held, title) {
-                (Some(_), _) => "Let the joint solve estimate this value",
+                (Some(_), _) => "Let the refinement estimate this value",
                 (None, "Height") => "Fix the height",
-                (None, _) => "Fix this value in the joint solve; the other values stay free",
+                (None, _) => "Fix this value in the refinement; the other values stay free",
             };
             // Fixing the yaw of a camera that looks straight down has no effect: its roll can compensate.
             let clicked =
@@ -160,7 +160,7 @@ fn field(
 fn from_stage_1(app: &mut App, ui: &mut Ui) {
     let Some(solution) = app.editor.session().solution().cloned() else { return };
     ui.add_space(4.0);
-    heading(ui, "From stage 1", "");
+    heading(ui, "Orientation and focal length", "");
     for which in [Number::Pitch, Number::Roll, Number::Focal] {
         orientation_row(app, ui, &solution, which);
     }
@@ -173,9 +173,9 @@ fn buttons(app: &mut App, ui: &mut Ui, fixed: bool) {
     let mut chosen = None;
     ui.horizontal(|ui| {
         let (text, tip) = if fixed {
-            ("Unfix", "Let the joint solve move this camera")
+            ("Unfix", "Let the refinement move this camera")
         } else {
-            ("Fix here", "Keep this position and direction in the joint solve")
+            ("Fix here", "Keep this position and direction in the refinement")
         };
         if ui.button(text).on_hover_text(tip).clicked() {
             chosen = Some(Command::FixPlacement);

@@ -13,7 +13,7 @@ use crate::widgets::{entered_text, heading, length_field};
 
 /// Shows the areas and walls, and the buttons that draw new ones.
 pub(crate) fn survey_ui(app: &mut App, ui: &mut Ui) {
-    heading(ui, "Areas and walls", "for the coverage");
+    heading(ui, "Areas and walls", "for coverage");
     for (index, area) in app.editor.site().areas.clone().iter().enumerate() {
         area_row(app, ui, index, area);
     }
@@ -38,7 +38,7 @@ pub(crate) fn survey_ui(app: &mut App, ui: &mut Ui) {
     limits_ui(app, ui);
 }
 
-/// Shows the hand-over zones, while the coverage is shown.
+/// Shows the hand-over zones of the coverage: floor areas that two cameras see.
 pub(crate) fn hand_overs_ui(app: &mut App, ui: &mut Ui) {
     /// Largest height of the list, in points.
     const MAX_HEIGHT: f32 = 220.0;
@@ -182,7 +182,7 @@ fn area_row(app: &mut App, ui: &mut Ui, index: usize, area: &Area) {
 
 /// Shows the length and the height of a wall.
 fn wall_row(app: &mut App, ui: &mut Ui, index: usize, wall: &WallEntry) {
-    /// Height of a wall for which a height is entered, in metres, before it is changed.
+    /// Initial height of a wall when the operator switches its height on, in metres.
     const USUAL_HEIGHT_M: f64 = 2.0;
     let palette = theme::palette(ui.ctx());
     let units = app.editor.site().units;

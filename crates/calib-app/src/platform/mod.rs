@@ -73,7 +73,7 @@ pub(crate) struct PlacementRequest {
 #[cfg_attr(target_arch = "wasm32", expect(dead_code, reason = "browsers do not read these addresses"))]
 pub(crate) struct SnapshotRequest {
     pub(crate) address: String,
-    /// Name of the user; empty: none.
+    /// Name of the user; empty for a request without name and password.
     pub(crate) user: String,
     pub(crate) password: String,
     /// Whether any HTTPS certificate is accepted, without verification.
@@ -86,7 +86,7 @@ pub(crate) struct SnapshotFile {
     /// Ending of the file name: jpg or png.
     pub(crate) ending: &'static str,
     pub(crate) bytes: Vec<u8>,
-    /// Pixel aspect that the video states; 1 for images.
+    /// Pixel aspect from the metadata of the video; 1 for images.
     pub(crate) pixel_aspect: f64,
 }
 
@@ -258,7 +258,7 @@ pub(crate) trait Platform {
     fn draw_part(ctx: &Context, svg: Arc<[u8]>, part: Part) -> Task<Result<RgbImage, String>>;
 
     /// Reads an image file in the background, and passes its bytes, its pixels and its PNG to `then`. Only an
-    /// SVG drawing has a PNG.
+    /// SVG drawing, or an image that only the browser can decode, has a PNG.
     fn still<T: Send + 'static>(
         ctx: &Context,
         name: String,

@@ -98,8 +98,8 @@ pub fn paint(
     picture: Option<&Picture>,
     (units, ellipses): (Units, EllipseSize),
 ) -> f64 {
-    /// Largest distance of floor points that are shown, in camera heights. The projected image is a smear
-    /// beyond it.
+    /// Largest distance of floor points that are shown, in camera heights. Beyond it, the projected image is too
+    /// blurred.
     const MAX_DISTANCE_IN_HEIGHTS: f64 = 12.0;
     let camera = facing_up(pose);
     let near =

@@ -218,7 +218,7 @@ fn about(app: &App, camera: usize, palette: &Palette) -> (String, Color32) {
     }
     let ended = app.editor.site().cameras.get(camera).and_then(|entry| entry.valid_to.as_ref());
     if let Some(to) = ended {
-        return (format!("until {}", to.get(..10).unwrap_or(to)), palette.text3);
+        return (format!("valid until {}", to.get(..10).unwrap_or(to)), palette.text3);
     }
     let CameraStatus { text, level: standing } = camera_status(app.editor.session(), camera);
     let colour = match standing {
@@ -345,7 +345,7 @@ fn card(app: &App, ui: &mut Ui, family: &Family, which: usize) -> Option<f64> {
             response.widget_info(|| WidgetInfo::slider(true, slid, &label));
             wanted = response.changed().then_some(slid);
         }
-        let rms = format!("rms {:.1} px", solution.rms_px.unwrap_or_default());
+        let rms = format!("RMS {:.1} px", solution.rms_px.unwrap_or_default());
         ui.label(RichText::new(rms).color(palette.text3));
     });
     let size = Vec2::new(ui.available_width(), (ui.available_height() - 28.0).max(40.0));

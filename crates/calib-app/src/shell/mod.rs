@@ -107,7 +107,7 @@ pub fn window_ui(app: &mut App, ui: &mut Ui) {
 
 /// Shows the open sheets and dialogs.
 fn sheets_ui(app: &mut App, ui: &Ui) {
-    // The page loads these sheets with its second part, so they are called only if they are open.
+    // The web build loads these sheets with the second part of the program, so they are called only if they are open.
     let dialogs = &app.dialogs;
     if dialogs.palette.is_open || dialogs.shortcuts || dialogs.about {
         palette::palette_ui(app, ui.ctx());
@@ -165,7 +165,7 @@ fn right(app: &mut App, ui: &mut Ui) {
     }
     distances::out_of_date_ui(app, ui);
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
-        // The page loads these panels with its second part, so they are called only if they are shown.
+        // The web build loads these panels with the second part of the program, so they are called only if shown.
         app.hover.lit_group = None;
         if app.dialogs.automatic.is_some() {
             propose::report_ui(app, ui);

@@ -187,7 +187,7 @@ fn shortcuts(app: &mut App, ctx: &Context) {
             });
             ui.separator();
             for line in [
-                "Wheel: zoom at the cursor.   Drag with the middle button or Space: pan.   Tab: next handle.",
+                "Wheel: zoom at the pointer.   Drag with the middle button or Space: pan.   Tab: next handle.",
                 "While dragging: hold Shift to move a tenth as far, press Esc to cancel.   \
                  While dragging or drawing: hold Alt to snap to the edge.",
                 "Without a mouse: the arrow keys move a crosshair while a tool is active (Shift: faster), and Enter clicks. \

@@ -28,7 +28,7 @@ pub(crate) fn status_ui(app: &mut App, ui: &mut Ui) {
                 "Open the demonstration, open a site, or drop images here.".into()
             }
             _ if app.view.layers.hidden && app.editor.tool().is_idle() => {
-                "The overlay is hidden. Press H to show it.".into()
+                "The overlays are hidden. Press H to show them.".into()
             }
             _ => proposal_hint(app, ui).unwrap_or_else(|| app.editor.tool().hint(app.editor.session())),
         };
@@ -138,7 +138,7 @@ fn state(app: &App, ui: &mut Ui, stop: &mut bool) {
     }
     if app.edges.pending() > 0 {
         ui.spinner();
-        ui.label(RichText::new("finding edges").color(palette.text2));
+        ui.label(RichText::new("detecting edges").color(palette.text2));
     }
     let solved = &app.editor.session().solved;
     if solved.paused {
@@ -257,7 +257,7 @@ fn map_position(app: &App, ui: &mut Ui, point: WorldPoint, on_floor: Option<[[f6
         let sigma = sigma / session.site.units.metres();
         format!(" \u{b1} {} {}", number(sigma, decimals(sigma)), session.site.units.symbol())
     });
-    // Seven digits are 1 cm.
+    // The seventh decimal of a degree is about 1 cm.
     let text = format!("{:.7}, {:.7}{sigma}", at.latitude.to_degrees(), at.longitude.to_degrees());
     ui.label(RichText::new(text).color(theme::palette(ui.ctx()).text2));
 }

@@ -59,7 +59,7 @@ fn step(app: &App, ui: &mut Ui, index: usize, open: &str) -> Option<StripRequest
         if ui.button("Skip this step").on_hover_text("Continue without this task").clicked() {
             request = Some(StripRequest::Skip);
         }
-        if ui.button("End the tour").on_hover_text("Close this strip and keep the demonstration").clicked() {
+        if ui.button("End the tour").on_hover_text("Close the tour and keep the demonstration").clicked() {
             request = Some(StripRequest::End);
         }
     });

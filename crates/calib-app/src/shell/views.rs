@@ -192,11 +192,9 @@ const fn state(app: &App, command: Command) -> (&'static str, bool, &'static str
             ("Horizon", app.view.layers.horizon, "Horizon and vanishing points of the camera")
         }
         Command::Field => ("Field", app.view.layers.field, "Floor area that the camera should cover"),
-        Command::Prism => {
-            ("Prism", app.view.layers.prism, "Vertical walls on the border of the field of view")
-        }
+        Command::Prism => ("Prism", app.view.layers.prism, "Field of view, extended to 2 m above the floor"),
         Command::Guide => ("Guide", app.view.layers.guide, "A 1.75 m tall person at the pointer"),
-        Command::Straighten => ("Straighten", app.view.layers.straight, "Image without its distortion"),
+        Command::Straighten => ("Undistort", app.view.layers.straight, "Image without its distortion"),
         Command::NextWindow => (
             "Window",
             !matches!(app.view.looking, Looking::Whole),

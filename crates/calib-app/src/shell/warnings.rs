@@ -280,12 +280,12 @@ fn answers(app: &App, code: Code) -> Vec<(String, &'static str, WarningAction)> 
         (Code::PixelsNotSquare, Some(usual)) => vec![
             (
                 format!("Pixel aspect {usual:.3}"),
-                "The recorder has stretched the image: things look too wide or too narrow",
+                "The recorder has stretched the image: objects look too wide or too narrow",
                 WarningAction::SetPixelAspect(usual),
             ),
             (
                 "Square pixels".into(),
-                "Things in the image have their true shape",
+                "Objects in the image have their true shape",
                 WarningAction::SetPixelAspect(1.0),
             ),
         ],

@@ -14,7 +14,7 @@ pub(crate) struct AddressSheet {
     pub(crate) user: String,
     pub(crate) password: String,
     pub(crate) accepts_any_certificate: bool,
-    /// Name of the new camera; empty: the host of the address.
+    /// Name of the new camera; if it is empty, the host of the address is the name.
     pub(crate) camera: String,
     /// Whether the sheet was shown before.
     pub(crate) is_shown: bool,
@@ -30,7 +30,7 @@ pub(crate) enum SnapshotStep {
     /// Writing the image to the folder of the site.
     Saving {
         task: Task<Chosen>,
-        /// Pixel aspect that the video states; 1 for images.
+        /// Pixel aspect from the metadata of the video; 1 for images.
         pixel_aspect: f64,
     },
 }

@@ -310,7 +310,7 @@ impl App {
         // Walls and areas of interest are shown with the coverage.
         let draws_survey = |index: &usize| TOOLS.get(*index).is_some_and(ToolRow::draws_survey);
         self.view.coverage |= matches!(&action, Action::SelectTool(index) if draws_survey(index));
-        // A pointer that only moves over a canvas adds nothing.
+        // A movement of the pointer without a pressed button adds no field.
         let draws = match &action {
             Action::Pointer(pointer) => pointer.phase != Phase::Hover,
             Action::Gesture(_) => true,
@@ -633,7 +633,7 @@ impl App {
     }
 }
 
-/// Whether the system of this build has a command at all.
+/// Whether the system of this build supports a command.
 #[must_use]
 pub(crate) fn is_offered(command: Command) -> bool {
     Here::HAS_ADDRESSES || command != Command::AddFromAddress

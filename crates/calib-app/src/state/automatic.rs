@@ -28,7 +28,7 @@ pub(crate) struct AutomaticReport {
 pub(crate) struct AutomaticRow {
     /// Camera and its calibration period.
     pub(crate) of: Period,
-    /// Confidence of the automatic calibration and its reason; `None` if the camera was not calibrated now.
+    /// Confidence of the automatic calibration and its reason; `None` if this run did not calibrate the camera.
     pub(crate) calibration: Option<(Confidence, String)>,
     /// Result of the placement and its reason; `None` if the position was not searched.
     pub(crate) placement: Option<(RowPlacement, String)>,
@@ -37,7 +37,7 @@ pub(crate) struct AutomaticRow {
 /// Result of the placement of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum RowPlacement {
-    /// The camera was placed now.
+    /// The camera was placed by this run.
     Placed,
     /// The camera was already placed.
     Kept,
@@ -254,7 +254,7 @@ impl App {
                 report.set_calibration(&of, calibration.confidence, reasons.join("; "));
                 usable.push((of, calibration));
             } else {
-                let why = "the camera was changed during the search".into();
+                let why = "the camera was changed during the calibration".into();
                 report.set_calibration(&of, Confidence::None, why);
             }
         }
@@ -368,7 +368,7 @@ impl AutomaticReport {
 }
 
 impl AutomaticRow {
-    /// Whether the image was calibrated now.
+    /// Whether this run calibrated the image.
     pub(crate) fn is_calibrated(&self) -> bool {
         self.calibration.as_ref().is_some_and(|(confidence, _)| *confidence != Confidence::None)
     }

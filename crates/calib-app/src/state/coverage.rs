@@ -89,7 +89,7 @@ impl Default for ShownCoverage {
 struct Inputs {
     /// Pose and EFOV of every camera.
     cameras: Vec<(Camera, Vec<FloorPoint>)>,
-    /// Generation of the site, which contains its walls, areas and ids.
+    /// Number of gestures that changed the site. It changes with the walls, areas and ids of the site.
     generation: u64,
     height: f64,
     shading: Shading,
@@ -304,7 +304,7 @@ impl ShownCoverage {
         &self.in_images[index].borders
     }
 
-    /// Describes the coverage at a floor point, such as "142 px/m (recognise) by shop-1, seen by 2 cameras".
+    /// Describes the coverage at a floor point, such as "142 px/m (recognise) from shop-1, seen by 2 cameras".
     pub(crate) fn at(&self, at: [f64; 2]) -> Option<String> {
         let found = self.result.as_ref().ok()?;
         let index = found.nearest(at)?;

@@ -66,7 +66,7 @@ pub struct Outside {
 #[derive(Debug)]
 pub(crate) struct ReadPicture {
     pub(crate) still: NewImage,
-    /// PNG of an SVG drawing that was rasterised; `None` for other images.
+    /// PNG of an SVG drawing that was rasterised, or of an image that only the browser can decode; otherwise `None`.
     pub(crate) drawn: Option<Vec<u8>>,
     /// Properties of a drawing; `None` for other images.
     pub(crate) drawing: Option<DrawingFacts>,

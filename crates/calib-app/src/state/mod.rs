@@ -1,4 +1,4 @@
-//! State that views read: the document, its view, dialogs, storage and running work. No view is named here.
+//! State that views read: the document, its view, dialogs, storage and running work. It depends on no view.
 
 mod view;
 mod files;

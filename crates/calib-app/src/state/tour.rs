@@ -77,8 +77,8 @@ pub const STEPS: [TourStep; 9] = [
     },
     TourStep {
         title: "Enter a known length",
-        text: "Drag along joints of the tiles that are far apart, for example over five tiles. Type the length in \
-               the panel Lines: one tile is 0.6 m. The scale of the camera follows from it.",
+        text: "Drag along a joint from corner to corner over several tiles, for example five. Type the length in \
+               the panel Lines: one tile is 0.6 m. The length determines the scale of the camera.",
         buttons: &[("Known length tool (L)", TourButton::Tool("Known length"))],
     },
     TourStep {
@@ -98,8 +98,8 @@ pub const STEPS: [TourStep; 9] = [
     },
     TourStep {
         title: "Refine all cameras",
-        text: "The program solves all cameras together, from their lines and links. Then no camera may be red, and all \
-               must agree about the floor.",
+        text: "The program solves all cameras together, from their lines and links. Afterwards no camera should be red, \
+               and all should agree about the floor.",
         buttons: &[("Refine all (F9)", TourButton::Command(Command::Refine))],
     },
     TourStep {
@@ -112,7 +112,7 @@ pub const STEPS: [TourStep; 9] = [
     },
     TourStep {
         title: "Export the cameras",
-        text: "Choose a format. The sheet shows the files, and what the format loses. You can close it without \
+        text: "Choose a format. The window shows the files and what the format loses. You can close it without \
                saving.",
         buttons: &[("Export for other programs\u{2026}", TourButton::Command(Command::Export))],
     },

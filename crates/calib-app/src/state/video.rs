@@ -48,15 +48,15 @@ impl std::fmt::Debug for VideoSheet {
     }
 }
 
-/// Image that can be used.
+/// Image from the video that the operator can use: a frame, or the scene without moving objects.
 pub(crate) struct Still {
     /// Time at which the frame was requested, and time at which it appears, in seconds. `None` for the scene without
     /// moving objects.
     pub(crate) times_s: Option<[f64; 2]>,
     pub(crate) image: Arc<RgbImage>,
     pub(crate) texture: TextureHandle,
-    /// The image with the changed pixels marked. Also the shares of the pixels that moving objects covered in some of
-    /// the frames, and in a third of them.
+    /// Image with the changed pixels marked, and two shares of pixels, 0 to 1: those that moving objects covered in
+    /// some of the frames, and in at least a third of them. `None` for a frame.
     pub(crate) changed: Option<(TextureHandle, [f64; 2])>,
 }
 
@@ -91,7 +91,7 @@ impl VideoSheet {
             saving: None,
         };
         sheet.read(ctx, FrameRequest::Strip(STRIP_FRAMES));
-        // The browser has its own copy now.
+        // The browser keeps its own copy of the video.
         sheet.file.bytes = None;
         sheet
     }

@@ -41,9 +41,9 @@ pub struct Panes {
     pub views: HashMap<(Place, Pane), View>,
     /// Pan and zoom at which each canvas shows its whole image or plan, as last computed.
     pub(crate) fitted: HashMap<(Place, Pane), View>,
-    /// Name of the plan image that was shown last.
+    /// Cache key of the plan image that was shown last, from `picture_key`.
     pub(crate) plan: Option<String>,
-    /// Whether the window has room for fewer tiles than there are cameras.
+    /// Whether the tiles of all cameras are higher than the window, so that they scroll.
     pub tiles_overflow: bool,
     /// Canvas under the pointer, and the position of the pointer: in raw pixels of the image, or in floor metres on
     /// the plan.
@@ -297,7 +297,7 @@ pub enum Order {
     /// Order of the site file.
     #[default]
     Site,
-    /// Unfinished cameras first.
+    /// Cameras with the most missing steps first.
     Missing,
     /// Largest floor error first.
     Sigma,
@@ -422,7 +422,7 @@ impl EllipseSize {
         Self::SIGMAS * if self.is_magnified { Self::MAGNIFICATION } else { 1.0 }
     }
 
-    /// Returns the label that states the size of the ellipses, such as "Ellipses: 2σ, ×10".
+    /// Returns the label with the size of the ellipses, such as "Ellipses: 2σ, ×10".
     #[must_use]
     pub fn label(self) -> String {
         let magnified =

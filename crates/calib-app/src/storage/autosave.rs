@@ -20,7 +20,7 @@ pub struct Autosave {
     folder: PathBuf,
 }
 
-/// Autosave that was found at the start of the app, or a site from the storage of the browser.
+/// Unsaved site from an autosave that the start page shows, or a site from the storage of the browser.
 #[derive(Clone, Debug)]
 pub struct Found {
     /// Content of the site.

@@ -81,6 +81,6 @@ impl Chosen {
     /// # Errors
     /// When the file cannot be read or is not UTF-8.
     pub fn into_text(self) -> FileResult<String> {
-        String::from_utf8(self.into_bytes()?).map_err(|_| "not text".into())
+        String::from_utf8(self.into_bytes()?).map_err(|_| "not UTF-8 text".into())
     }
 }

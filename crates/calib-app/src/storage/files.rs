@@ -39,7 +39,7 @@ pub fn open(path: &Path) -> FileResult<(Site, Images)> {
 pub fn open_stamped(path: &Path) -> FileResult<(Site, Images, u64)> {
     let bytes = Here::read(path)?;
     let held = stamp(&bytes);
-    let text = String::from_utf8(bytes).map_err(|_| format!("{}: not text", path.display()))?;
+    let text = String::from_utf8(bytes).map_err(|_| format!("{}: not UTF-8 text", path.display()))?;
     let folder = path.parent().map(Path::to_path_buf);
     let drawings = Images::in_folder(folder.clone(), None);
     let (site, images) = parse_with_drawing(&text, folder, |plan| scale_of_drawing(plan, &drawings))
@@ -47,8 +47,8 @@ pub fn open_stamped(path: &Path) -> FileResult<(Site, Images, u64)> {
     Ok((site, images, held))
 }
 
-/// Returns the scale that the drawing of a plan states, in metres per pixel. `None` if the plan is not a drawing or
-/// states no scale.
+/// Returns the scale in the drawing of a plan, in metres per pixel. `None` if the plan is not a drawing or contains
+/// no scale.
 fn scale_of_drawing(plan: &Plan, images: &Images) -> Option<f64> {
     let bytes = images.reader(plan.image.as_ref()?).read(Here::read_within).ok()?;
     calib_plan::read(&bytes, &plan_view(plan))?.ok()?.facts.metres_per_px

@@ -133,7 +133,7 @@ impl NdjsonSource {
         {
             let what = format!(
                 "{} or soon after: the key \"{name}\" is missing in the first {TYPE_INFERENCE_ROWS} lines, which \
-                 determine the columns of {}; add the key there as null, or write ndjson",
+                 determine the columns of {}; add the key there as null, or use --format ndjson",
                 self.row_name(0),
                 self.to.name
             );
@@ -154,8 +154,8 @@ impl NdjsonSource {
                 Some((_, values)) => parse_as(values, kind).map_err(|(row, expected)| {
                     let text = values.as_string::<i32>().value(row);
                     let what = format!(
-                        "line {}, key {name}: found {text}, expected {expected} as in the first lines; write \
-                         ndjson, or make the values one type",
+                        "line {}, key {name}: found {text}, expected {expected} as in the first lines; use \
+                         --format ndjson, or give all values the same type",
                         self.lines[row]
                     );
                     CommandError::invalid(&self.name, what)

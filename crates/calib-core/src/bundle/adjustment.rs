@@ -366,7 +366,7 @@ impl std::fmt::Display for BundleError {
         match self {
             Self::SharedLens { camera } => write!(
                 f,
-                "camera {camera} shares the lens of a camera that does not exist or shares another lens"
+                "camera {camera} shares the lens of a camera that does not exist, or that itself shares a lens"
             ),
             Self::MissingFit { camera } => write!(f, "camera {camera} has constraints but no fit"),
             Self::CameraPlane { camera } => {

@@ -284,8 +284,8 @@ mod tests {
             camera in any_camera(), u in 0.0..1920.0_f64, v in 200.0..1080.0_f64, height in -1.0..1.9_f64,
             slope in [-0.1..0.1_f64, -0.1..0.1_f64], is_level in proptest::bool::ANY,
         ) {
-            /// Step of finite differences, in metres and radians. For the focal length it is relative. It is
-            /// also the step of the distortion coefficients, and in pixels of the principal point.
+            /// Step of finite differences, in metres, radians and pixels. The step of the focal length is
+            /// relative, and the step of distortion coefficients has no unit.
             const STEP: f64 = 1e-5;
             let pixel = Pixel { u, v };
             let slope = if is_level { [0.0; 2] } else { slope };
@@ -350,7 +350,8 @@ mod tests {
             let imported = Camera { covariance: Covariance::UNKNOWN, ..camera };
             let of_imported = imported.floor_covariance(pixel, 0.5);
             prop_assert!(of_imported.is_some_and(|c| c.calibration.is_none() && c.pixel == covariance.pixel), "unknown is not zero");
-            // A change of half a pixel moves the floor point by at most the worst standard deviation.
+            // A change of 1 % of the pixel noise moves the floor point by at most 1 % of the worst standard
+            // deviation.
             for (du, dv) in [(0.005, 0.0), (0.0, 0.005), (0.004, -0.003)] {
                 let moved = camera.pixel_to_floor(Pixel { u: u + du, v: v + dv }, 0.0);
                 prop_assert!(moved.is_some_and(|m| m.distance(floor) < 0.0102 * covariance.worst_sigma().unwrap()));

@@ -22,18 +22,19 @@ pub struct Lens {
     pub pixel_aspect: f64,
     /// Distortion of the normalised coordinates.
     pub distortion: Distortion,
-    /// Image circle of a wide lens, if it is known. Pixels outside the circle show no rays. Other lenses fill
-    /// the image, and ignore this field.
+    /// Image circle of a wide lens, in square pixels (see [`Lens::to_square_pixel`]), if it is known. Pixels
+    /// outside the circle show no rays. Other lenses fill the image, and ignore this field.
     pub image_circle: Option<ImageCircle>,
 }
 
-/// Derivatives of a point with respect to every parameter of a lens, in the order of [`Lens::PARAMETERS`].
+/// Derivatives of a point and of its Jacobian with respect to every lens parameter, in the order of
+/// [`Lens::PARAMETERS`].
 pub(crate) type ByParameters = [ByCoefficient; Lens::PARAMETERS];
 
 impl Lens {
     /// Number of parameters: the distortion coefficients, then u and v of the principal point, and the pixel
     /// aspect. For a wide lens, the parameter before the principal point is the log of the focal length of
-    /// the lens. No wide model uses it as a coefficient.
+    /// the lens. No wide model that can be fitted has a coefficient at this index.
     pub const PARAMETERS: usize = Distortion::MAX_FITTED + 3;
     /// Index of the log of the focal length of the lens, for wide lenses only.
     pub const LENS_FOCAL: usize = Distortion::MAX_FITTED - 1;
@@ -176,7 +177,7 @@ impl Lens {
     }
 
     /// Returns the derivatives of a bearing and of its Jacobian with respect to every lens parameter. The
-    /// third argument is the bearing of `pixel`. Only wide lenses have a focal length among their parameters.
+    /// second argument is the bearing of `pixel`. Only wide lenses have a focal length among their parameters.
     pub(crate) fn bearing_by_parameters(
         &self,
         pixel: Pixel,
@@ -195,7 +196,8 @@ impl Lens {
             by[Self::LENS_FOCAL] = focal;
         }
         [by[Self::CENTRE], by[Self::CENTRE + 1]] = [u, v];
-        // A change of v of the principal point moves the square pixels by 1 / aspect as much.
+        // The relative square pixel is `(v - cv) / aspect`, so derivatives with respect to cv have the factor
+        // `1 / aspect`.
         by[Self::CENTRE + 1] = by[Self::CENTRE + 1].times(self.pixel_aspect.recip());
         by[Self::ASPECT] = by[Self::CENTRE + 1].times(self.down(distorted));
         let [u, v, ahead] = self.distortion.ray_jacobian(distorted, ray);
@@ -289,7 +291,7 @@ impl Lens {
         corners.into_iter().all(|corner| self.distortion.has_ray(self.normalised(square(corner).into())))
     }
 
-    /// Returns the same lens with the change `by` added to one parameter.
+    /// Returns the lens with the change `by` added to the parameter with this index; see [`Self::PARAMETERS`].
     pub(crate) fn nudged(&self, parameter: usize, by: f64) -> Self {
         let mut lens = *self;
         match parameter {
@@ -309,7 +311,8 @@ impl Lens {
     /// Returns the lens that maps pixels in the same way, with coefficients that refer to the focal length
     /// `focal`, in pixels.
     ///
-    /// Returns `None` for a distortion model whose map of pixels determines its focal length.
+    /// Returns `None` for a distortion model whose map of pixels determines its focal length, unless `focal`
+    /// equals [`Lens::focal`].
     #[must_use]
     pub fn at_focal(&self, focal: f64) -> Option<Self> {
         let ratio = focal / self.focal;

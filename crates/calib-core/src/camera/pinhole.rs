@@ -20,7 +20,7 @@ pub struct Camera {
     /// Rotation about the optical axis, positive if the camera is rotated clockwise seen from behind, in
     /// radians.
     pub roll: f64,
-    /// Focal length, in pixels; pixels are square.
+    /// Focal length, in undistorted pixels, which are square.
     pub focal: f64,
     /// Lens: principal point and distortion.
     pub lens: Lens,
@@ -33,7 +33,7 @@ pub struct Camera {
 pub struct Ray {
     /// Centre of projection, in metres.
     pub origin: WorldPoint,
-    /// Unit vector in world axes.
+    /// Direction in world axes; a unit vector if the ray is that of a pixel.
     pub direction: [f64; 3],
 }
 
@@ -102,15 +102,15 @@ impl Camera {
 
     /// Maps a world point to its raw pixel: `f3d->pix` of the paper, with lens distortion.
     ///
-    /// Returns `None` if the lens cannot show the point. Only a wide lens can show points behind the camera
-    /// plane.
+    /// Returns `None` if the lens cannot show the point. Only a wide lens can show points 90° or more from the
+    /// optical axis.
     #[must_use]
     pub fn world_to_pixel(&self, point: WorldPoint) -> Option<Pixel> {
         self.project(self.in_camera(point))
     }
 
-    /// Maps a point in camera axes to its raw pixel. Returns `None` for points behind the camera or outside
-    /// the lens.
+    /// Maps a point in camera axes, in metres, to its raw pixel. Returns `None` if the lens does not show the
+    /// point.
     pub(crate) fn project(&self, [x, y, z]: [f64; 3]) -> Option<Pixel> {
         if self.lens.distortion.is_wide() {
             return self.lens.bearing_to_pixel(self.bearing([x, y, z]));
@@ -135,14 +135,15 @@ impl Camera {
 
     /// Maps a pixel to the horizontal plane at `height` metres: `fpix->3d` of the paper.
     ///
-    /// Returns `None` if the pixel is on or above the horizon of the plane, or outside the lens.
+    /// Returns `None` if the ray of the pixel does not meet the plane in front of the camera, or the pixel is
+    /// outside the lens.
     #[must_use]
     pub fn pixel_to_floor(&self, pixel: Pixel, height: f64) -> Option<FloorPoint> {
         self.ray_to_floor(self.pixel_to_ray(pixel)?, height)
     }
 
-    /// Maps an undistorted pixel to the horizontal plane at `height` metres. Returns `None` if the pixel is
-    /// on or above the horizon of the plane.
+    /// Maps an undistorted pixel to the horizontal plane at `height` metres. Returns `None` if the ray of the
+    /// pixel does not meet the plane in front of the camera.
     #[must_use]
     pub fn undistorted_to_floor(&self, pixel: UndistortedPixel, height: f64) -> Option<FloorPoint> {
         self.ray_to_floor(self.undistorted_to_ray(pixel), height)
@@ -232,8 +233,8 @@ impl Camera {
         camera
     }
 
-    /// Returns the horizontal and vertical field of view, in radians, of an undistorted image. `size` is its
-    /// width and height, in pixels.
+    /// Returns the horizontal and vertical field of view, in radians, of an undistorted image whose centre is
+    /// the principal point. `size` is the width and height of the image, in pixels.
     #[must_use]
     pub fn field_of_view(&self, size: [f64; 2]) -> [f64; 2] {
         size.map(|length| 2.0 * (0.5 * length / self.focal).atan())

@@ -106,8 +106,8 @@ impl Camera {
     }
 
     /// Returns the homography from undistorted pixels to x and y, in metres, of the points of a plane. It is
-    /// a 3 x 3 matrix of homogeneous points, row by row. The third coordinate of a mapped point is positive
-    /// if the camera sees the plane from above.
+    /// a 3 x 3 matrix of homogeneous points, row by row. The third coordinate of a mapped point is positive for
+    /// pixels that show the plane from above.
     ///
     /// Let d be the direction of the ray of a pixel, and C the camera position. Let D be the height of the
     /// plane at C minus the height of C. The ray meets the plane at `C + d D / rise` with

@@ -49,8 +49,8 @@ pub struct ObservedPixel {
     pub(crate) d_lens: [[f64; Lens::PARAMETERS]; 2],
 }
 
-/// Image of a line on a plane. The homogeneous line contains the undistorted pixels relative to the principal
-/// point. Its derivatives are with respect to the camera, the line and the plane.
+/// Image of a line on a plane: a homogeneous line of undistorted pixels relative to the principal point. Its
+/// derivatives are with respect to the camera, the line and the plane.
 #[derive(Clone, Copy, Debug)]
 pub struct ReprojectedLine {
     /// Homogeneous image line: its dot product with a point of the line is zero.
@@ -381,8 +381,8 @@ mod tests {
             let origin = [foot.x - along * sin, foot.y + along * cos];
             let point = WorldPoint::new(origin[0] + angle.cos(), origin[1] + angle.sin(), 0.0);
             let Some(pixel) = camera.world_to_pixel(point) else { return Ok(()) };
-            // Lines are annotated on the image. Far outside it, a lens magnifies the rounding errors of its
-            // inverse.
+            // Only points in the image are tested. Far outside it, the inverse of the lens magnifies rounding
+            // errors.
             prop_assume!((0.0..1920.0).contains(&pixel.u) && (0.0..1080.0).contains(&pixel.v));
             let Some(observed) = ObservedPixel::new(pixel, &camera.lens) else { return Ok(()) };
             let LineDistance { pixels: distance, .. } = PosedCamera::new(camera).reproject_line(&Plane::FLOOR, origin, 0.0, angle).distance(&observed);

@@ -153,7 +153,8 @@ impl ImageCircle {
         Pixel { u: self.u, v: self.v }
     }
 
-    /// Whether a raw pixel is within the image circle.
+    /// Whether a pixel is within the image circle, including its rim. The pixel is in the coordinates of the
+    /// circle.
     #[must_use]
     pub fn contains(self, pixel: Pixel) -> bool {
         pixel.distance(self.centre()) <= self.radius

@@ -23,7 +23,8 @@ pub struct StraightDown {
     /// Heading of the top of the image on the floor. Like the yaw, it is counter-clockwise from world +y, in
     /// radians above -pi and up to pi.
     pub heading: f64,
-    /// Standard deviation of the heading, in radians; `None` if the yaw was not estimated or is unknown.
+    /// Standard deviation of the heading, in radians; `None` if none of x, y and yaw was estimated, or if an
+    /// error is unknown.
     pub heading_sigma: Option<f64>,
 }
 
@@ -50,7 +51,8 @@ impl Camera {
         let covariance = &self.covariance.0;
         let terms = slopes.iter().flat_map(|a| slopes.iter().map(move |b| (a, b)));
         let variance: f64 = terms.map(|(a, b)| a.1 * b.1 * covariance[a.0][b.0]).sum();
-        // Without a placement, the roll does not determine the heading. A fixed yaw has no error.
+        // If x, y and yaw were not estimated, the camera is not placed, and the heading is unknown. A fixed yaw
+        // of a placed camera has no error.
         let of_place = [Covariance::X, Covariance::Y, Covariance::YAW];
         let is_placed = of_place.into_iter().any(|index| self.covariance.sigma(index).is_some());
         let is_known = is_placed && variance > 0.0 && variance.is_finite();
@@ -95,7 +97,7 @@ mod tests {
             let [_, down, forward] = own.rotation();
             prop_assert!(angle(said.heading - down[0].atan2(-down[1])).abs() < 1e-9);
             prop_assert!((said.tilt - (-forward[2]).clamp(-1.0, 1.0).acos()).abs() < 1e-7);
-            // The errors of the angles have one common cause, and propagate by their covariance.
+            // The errors of the three angles are fully correlated.
             let [by_roll, by_pitch, by_yaw] = step;
             let mut uncertain = own;
             let by = [(Covariance::ROLL, by_roll), (Covariance::PITCH, by_pitch), (Covariance::YAW, by_yaw)];

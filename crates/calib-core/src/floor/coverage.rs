@@ -65,7 +65,7 @@ struct WallsAround {
 }
 
 impl WallsAround {
-    /// Number of sectors.
+    /// Number of sectors of the circle around the camera.
     const SECTORS: usize = 512;
 
     fn new(eye: WorldPoint, walls: &[Wall], efov: &[FloorPoint]) -> Self {
@@ -105,7 +105,7 @@ impl WallsAround {
 pub struct FloorGrid {
     /// First point of the first row.
     pub origin: FloorPoint,
-    /// Distance between neighbours, in metres.
+    /// Distance between neighbouring points, in metres.
     pub step: f64,
     /// Number of points in a row.
     pub columns: usize,
@@ -257,7 +257,7 @@ impl CoverageCamera<'_> {
         }
     }
 
-    /// Whether a target is visible.
+    /// Whether the camera sees a target: it is in the EFOV and in the image, and no wall hides it.
     fn sees(&self, around: &WallsAround, target: WorldPoint) -> bool {
         self.extent.contains(target.on_floor())
             && self.camera.world_to_pixel(target).is_some_and(|pixel| self.extent.shows(pixel))

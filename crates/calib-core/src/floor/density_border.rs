@@ -11,7 +11,8 @@
 use super::pixel_density::{DensityLevel, LevelLimits};
 use crate::camera::{Camera, Pixel, WorldPoint};
 
-/// Number of cells of the grid across and down the image. A cell of 1920 x 1080 pixels is 30 pixels wide.
+/// Number of cells of the grid across and down the image. In an image of 1920 x 1080 pixels, a cell is 30
+/// pixels wide.
 const CELLS: [usize; 2] = [64, 36];
 
 /// Number of bisections. They reduce the width of a cell to a hundredth of a pixel.
@@ -142,7 +143,7 @@ mod tests {
             let point = at.at_height(0.0);
             let (Some(sigma), Some(density)) =
                 (camera.density_border_sigma(point), camera.pixel_density(point)) else { return Ok(()) };
-            // A smaller change is not linear: the density does not depend on the pitch to first order there.
+            // The change is not linear where the density hardly depends on the pitch.
             prop_assume!(sigma > 1e-5);
             let moved = camera.nudged(Covariance::PITCH, 1e-4);
             // Shortest way to a point with the same density in the moved camera, by a search around the point.

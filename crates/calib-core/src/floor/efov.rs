@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use crate::camera::{Camera, FloorPoint, Pixel, Plane};
 
-/// EFOV on the floor.
+/// Effective field of view (EFOV) on the floor.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Efov {
     /// Corners on the floor, in metres, in the order of the annotation.
@@ -37,8 +37,8 @@ pub fn efov_on_plane(camera: &Camera, corners: &[Pixel], plane: &Plane) -> Efov 
     on_plane(camera, corners, plane, MAX_ANNOTATED_REACH)
 }
 
-/// Returns the default EFOV: the visible part of the floor that is nearer than five camera heights to the
-/// foot of the camera.
+/// Returns the default EFOV: the visible part of the floor that is nearer than five camera heights to the foot
+/// of the camera. [`Efov::clipped`] is always `false`.
 #[must_use]
 pub fn default_efov(camera: &Camera, size: [f64; 2]) -> Efov {
     let [w, h] = size;
@@ -99,9 +99,8 @@ fn between(a: Pixel, b: Pixel, t: f64) -> Pixel {
     Pixel { u: a.u + t * (b.u - a.u), v: a.v + t * (b.v - a.v) }
 }
 
-/// Returns the pixel itself if the lens shows a ray there. Otherwise returns the last visible pixel on the
-/// way from the principal point to it, at the rim of the image circle. Returns `None` if the principal point
-/// is not visible.
+/// Returns the pixel itself if the lens shows a ray there. Otherwise returns the last visible pixel on the way
+/// from the principal point to it. Returns `None` if the principal point is not visible.
 fn last_visible_pixel(camera: &Camera, pixel: Pixel) -> Option<Pixel> {
     let centre = camera.lens.principal_point;
     let is_seen = |raw: Pixel| camera.lens.bearing(raw).is_some();

@@ -145,9 +145,9 @@ impl Extent<'_> {
     }
 
     /// Computes the status of pixels (u, v) that are mapped to the points (x, y) of a plane, in metres. The
-    /// pixel must be inside the image, and its floor point inside the EFOV. The floor point is on the ray
-    /// from the camera at `eye` through the point of the plane. Pixels without a point count as above the
-    /// horizon.
+    /// status is `Ok` if the pixel is inside the image, and its floor point inside the EFOV. The floor point is
+    /// on the ray from the camera at `eye` through the point of the plane. Pixels without a point count as
+    /// above the horizon.
     pub(crate) fn classify(
         &self,
         eye: WorldPoint,

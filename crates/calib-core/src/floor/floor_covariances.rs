@@ -279,11 +279,12 @@ pub(super) struct CovarianceLanes<'a> {
 struct Points<const N: usize> {
     x: Lanes<N>,
     y: Lanes<N>,
-    /// Square of t; NaN if the plane is not visible.
+    /// Square of the factor t of the module documentation; NaN if the plane is not visible.
     square: Lanes<N>,
 }
 
-/// Derivatives of points of the plane by (a, b): rows x and y of T, or of T divided by t^2.
+/// Derivatives of points of the plane by (a, b): rows x and y of T, or of T divided by t^2. For the symbols,
+/// see the module documentation.
 #[derive(Clone, Copy, Debug)]
 struct Slopes<const N: usize>([[Lanes<N>; 2]; 2]);
 
@@ -389,7 +390,7 @@ impl<'a> CovarianceLanes<'a> {
         points
     }
 
-    /// Returns the squared length of a ray. The axes are orthonormal.
+    /// Returns the squared length of the ray `a right + b down + f forward`. The axes are orthonormal.
     #[inline(always)]
     fn square_of_ray(&self, a: f64, b: f64) -> f64 {
         a * a + b * b + self.camera.focal * self.camera.focal

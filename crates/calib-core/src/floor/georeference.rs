@@ -33,8 +33,7 @@ pub struct GeoreferenceFit {
     pub origin: Geographic,
     /// Azimuth of world +x, clockwise from north, in radians.
     pub x_axis_azimuth: f64,
-    /// Covariance of the origin toward east and north and of the azimuth, in metres and radians (products of
-    /// both).
+    /// Covariance of the origin toward east and north (metres), and of the azimuth (radians).
     pub covariance: [[f64; 3]; 3],
 }
 
@@ -56,10 +55,11 @@ pub fn georeference_covariance(covariance: &[[f64; 3]; 3], azimuth: f64, point: 
     })
 }
 
-/// Number of iterations of the generalized least squares. The first estimate differs by less than the noise.
+/// Number of iterations of the generalized least squares. The start differs from the result by less than the
+/// noise.
 const ITERATIONS: usize = 4;
 
-/// Point with its weight: world x and y, then east and north, in metres.
+/// Point with its weight. The coordinates are world x and y, then east and north, in metres.
 struct Weighted {
     coordinates: [f64; 4],
     weight: f64,
@@ -107,7 +107,7 @@ impl GeoreferenceFit {
         let (sin, cos) = turn.sin_cos();
         let rotated = [cos * world_x - sin * world_y, sin * world_x + cos * world_y];
         let origin = FloorPoint { x: earth[0] - rotated[0], y: earth[1] - rotated[1] };
-        // An error of the azimuth turns the origin about the mean.
+        // An error of the azimuth rotates the origin about the mean.
         let azimuth_variance = square.recip();
         let by_azimuth = [-rotated[1], rotated[0], 1.0];
         let of_mean = total.recip();

@@ -33,10 +33,10 @@ pub struct HandOver {
 /// the calibration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Disagreement {
-    /// RMS over the zone.
+    /// RMS distance over a sample of points of the zone, in metres.
     pub rms: f64,
-    /// Largest RMS at a single point. The tested points are the sample, and the points of the zone that are farthest
-    /// in eight directions.
+    /// Largest RMS distance at a single point, in metres. The tested points are the sample, and the points of
+    /// the zone that are farthest in eight directions.
     pub worst: f64,
     /// Floor point with the largest expected disagreement.
     pub worst_at: FloorPoint,
@@ -258,7 +258,7 @@ mod tests {
         Camera { covariance, ..camera }
     }
 
-    /// Correlated errors of two cameras: `share` of the covariance of the first is common to both.
+    /// Returns the covariance between two cameras: `share` times the covariance of the first camera.
     fn common(camera: &Camera, share: f64) -> CameraCovariance {
         camera.covariance.0.map(|row| row.map(|value| share * value))
     }

@@ -6,8 +6,8 @@ use crate::floor::scene::Polyline;
 
 /// Returns the image of a 3-D polyline, in pieces where parts of it are not visible.
 ///
-/// The pieces follow the lens distortion. They end at the limit of the lens and, except for a wide lens, near
-/// the camera plane. Parts outside the image are included, for a canvas that is larger than the image.
+/// The pieces follow the lens distortion. They end at the limit of the lens and, except for a wide lens, at a
+/// depth of 5 cm. Parts outside the image are included, for a canvas that is larger than the image.
 #[must_use]
 pub fn on_image(camera: &Camera, polyline: &[WorldPoint]) -> Vec<Vec<Pixel>> {
     /// Minimum depth of the visible part of a line, in metres; nearer parts are cut off.
@@ -33,7 +33,7 @@ pub fn on_image(camera: &Camera, polyline: &[WorldPoint]) -> Vec<Vec<Pixel>> {
 }
 
 /// Returns the part of a straight segment with a depth above `near`, in metres. The points are in camera axes
-/// (right, down, forward).
+/// (right, down, forward). Returns `None` if both ends are nearer.
 #[must_use]
 pub fn in_front(a: [f64; 3], b: [f64; 3], near: f64) -> Option<[[f64; 3]; 2]> {
     let cut = |from: [f64; 3], to: [f64; 3]| -> [f64; 3] {
@@ -59,8 +59,8 @@ struct Arc {
 }
 
 impl Arc {
-    /// Angle between neighbouring points of a drawn arc, in radians. For a fisheye of 180° in 2000 pixels,
-    /// the chord deviates by 0.2 px.
+    /// Angle between neighbouring points of the polyline of an arc, in radians. For a fisheye of 180° in 2000
+    /// pixels, the chord deviates by 0.2 px.
     const STEP_RAD: f64 = 0.03;
 
     /// Creates the arc between two rays of any length.

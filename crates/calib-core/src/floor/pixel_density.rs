@@ -108,8 +108,8 @@ impl<'a> DensityCamera<'a> {
         Some((pixel, smaller_singular_value([[a, b], [c, d]])))
     }
 
-    /// Returns a function that maps displacements of the point `at` to derivatives of its pixel, for a lens that is not
-    /// wide. Both are in camera axes, in metres.
+    /// Returns a function that maps displacements of the point (x, y, z) to derivatives of its pixel, for a
+    /// lens that is not wide. Point and displacements are in camera axes, in metres.
     ///
     /// The undistorted pixel is `f [x / z, y / z]`. The Jacobian of the distortion follows (chain rule).
     fn by_undistorted(&self, [x, y, z]: [f64; 3]) -> impl Fn([f64; 3]) -> [f64; 2] {
@@ -122,8 +122,8 @@ impl<'a> DensityCamera<'a> {
         }
     }
 
-    /// Returns the derivative of the pixel for a displacement `moved` of the point `at`, for any lens. Both are in camera
-    /// axes, in metres.
+    /// Returns the derivative of the pixel for a displacement `moved` of the point `at`, for any lens. Point
+    /// and displacement are in camera axes, in metres.
     ///
     /// The bearing `b` of the pixel is a multiple `s B(at)` of the bearing of the point. A change of the
     /// pixel changes `b` by `J d`, and the displacement changes it by `s B(moved)`. Both agree up to a multiple

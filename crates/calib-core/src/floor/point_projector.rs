@@ -9,8 +9,8 @@ use crate::camera::{
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointProjector {
     camera: Camera,
-    /// Rows right, down, forward. The first two are multiplied by the focal length of the camera divided by
-    /// the focal length of the lens.
+    /// Camera axes right, down and forward, as rows in world axes. Right and down are multiplied by the focal
+    /// length of the camera divided by the focal length of the lens.
     axes: [[f64; 3]; 3],
     /// Largest squared radius of undistorted, normalised coordinates that the lens shows.
     most: f64,
@@ -27,7 +27,7 @@ impl PointProjector {
 
     /// Maps world points, in metres, to raw pixels `(u, v)`; see [`Camera::world_to_pixel`].
     ///
-    /// A point behind the camera or outside the lens becomes NaN.
+    /// A point that the lens does not show becomes NaN.
     ///
     /// # Panics
     /// If the slices differ in length.

@@ -17,9 +17,10 @@ use crate::floor::floor_covariances::{lanes, store};
 pub struct FloorProjector {
     camera: Camera,
     plane: Plane,
-    /// Homography from undistorted coordinates, divided by the focal length of the lens, to the floor.
+    /// Homography from undistorted coordinates to x and y on the plane. The coordinates are relative to the
+    /// principal point, and divided by the focal length of the lens.
     floor_from_lens: [[f64; 3]; 3],
-    /// Homography from the floor to lens coordinates.
+    /// Homography from x and y on the plane to undistorted coordinates: the inverse of `floor_from_lens`.
     lens_from_floor: [[f64; 3]; 3],
     /// Inverse of a Brown-Conrady lens, which has no closed form, for many points at once.
     inverse: Option<BrownInverse>,
@@ -75,7 +76,7 @@ impl FloorProjector {
 
     /// Maps raw pixels `(u, v)` to points `(x, y)` of the plane, in metres.
     ///
-    /// A pixel on or above the horizon or outside the lens becomes NaN.
+    /// A pixel that does not show the plane becomes NaN.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -325,7 +326,7 @@ impl FloorProjector {
 
     /// Maps points `(x, y)` of the plane, in metres, to raw pixels `(u, v)`.
     ///
-    /// A point behind the camera or outside the lens becomes NaN.
+    /// A point that the lens does not show becomes NaN.
     ///
     /// # Panics
     /// If the slices differ in length.

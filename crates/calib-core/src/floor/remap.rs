@@ -99,9 +99,9 @@ impl Channels {
 impl Undistortion {
     /// Prepares the undistortion of raw images of `width` x `height` pixels. The new image has the same size.
     ///
-    /// Returns `None` for images of fewer than 2 x 2 pixels, and of 1.4 gigapixels and more. The other crops than
-    /// [`Crop::SameFocal`] need the sides of the raw image. For them, also returns `None` if the sides cannot be
-    /// undistorted, as around an image circle.
+    /// Returns `None` for images of fewer than 2 x 2 pixels, and of 1.4 gigapixels and more. Crops other than
+    /// [`Crop::SameFocal`] need the sides of the raw image. For them, also returns `None` if the sides cannot
+    /// be undistorted, as around an image circle.
     #[must_use]
     pub fn new(lens: &Lens, width: usize, height: usize, crop: Crop) -> Option<Self> {
         let bytes = width.checked_mul(height)?.checked_mul(3)?;
@@ -264,8 +264,8 @@ fn apply_rows<const C: usize>(raw: &[u8], stride: usize, map: &MapRows, out: &mu
     );
 }
 
-/// Returns the weighted mean of four pixels: two neighbours, and the two below them. Rows are interpolated
-/// first, to 11 bits, then columns.
+/// Returns the weighted mean of four pixels: two neighbours, and the two below them. It interpolates between
+/// the two rows first, to 11 bits, then between the two columns.
 #[inline(always)]
 fn bilinear<const C: usize>(top: u16x8, bottom: u16x8, fraction: u16) -> [u8; C] {
     let (fx, fy) = (u16x8::splat(fraction & 0xFF), u16x8::splat(fraction >> 8));

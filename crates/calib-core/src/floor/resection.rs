@@ -41,9 +41,9 @@ pub struct ControlPointNoise {
 /// Computes the position and yaw of a camera from control points. Roll, pitch, focal length and lens equal
 /// those of `camera`. If `height` is given, in metres, the height of the camera is fixed to it.
 ///
-/// The result minimises the sum of the squared reprojection errors, in undistorted pixels. The start is a
-/// closed form. Returns `None` for fewer than two visible points, and for points that do not determine the
-/// position.
+/// The result minimises the sum of the squared reprojection errors, in undistorted pixels; for a wide lens in
+/// raw pixels. The start is a closed form. Returns `None` for fewer than two visible points, and for points
+/// that do not determine the position.
 #[must_use]
 pub fn from_control_points(camera: &Camera, points: &[ControlPoint], height: Option<f64>) -> Option<Camera> {
     let shown: Vec<ControlPoint> =
@@ -61,7 +61,8 @@ pub fn from_control_points(camera: &Camera, points: &[ControlPoint], height: Opt
     (is_placed && pose_jacobian(&found, &shown).rank(1e-9) >= unknowns).then_some(found)
 }
 
-/// Returns the derivatives of the pixels of the points by position and yaw, divided by the focal length.
+/// Returns the derivatives of the pixels of the points with respect to position and yaw, divided by the focal
+/// length.
 fn pose_jacobian(camera: &Camera, points: &[ControlPoint]) -> DMatrix<f64> {
     let unknowns = [Covariance::X, Covariance::Y, Covariance::Z, Covariance::YAW];
     let columns = unknowns.map(|index| pixel_derivatives(camera, points, index));
@@ -157,7 +158,8 @@ fn square_error(camera: &Camera, points: &[ControlPoint]) -> f64 {
 
 /// Returns the camera with the covariance of its placement by control points. The covariance is propagated
 /// from the errors of the points, and from the covariance of all other parameters: roll, pitch, focal length
-/// and the parameters of the lens. If `is_height_fixed`, the height has no error.
+/// and the parameters of the lens. If `is_height_fixed`, the height has no error. The camera is unchanged if an
+/// error is unknown, or if the points do not determine the placement.
 ///
 /// With the derivatives `A` of the pixels by position and yaw `q`, and `B` by the other estimated parameters
 /// `p`, `dq = -(A'A)^-1 A' (B dp + noise)`. A world error of a point moves its pixel as the opposite movement
@@ -284,7 +286,7 @@ struct Resection<'a> {
     is_height_fixed: bool,
 }
 
-/// `J'J` and `J'r` of four parameters.
+/// Normal equations of four parameters: `J'J` and `J'r`, with the Jacobian J and the residuals r.
 type Normal4 = (Matrix4<f64>, Vector4<f64>);
 
 impl Resection<'_> {
@@ -292,7 +294,8 @@ impl Resection<'_> {
         Camera { position: WorldPoint { x, y, z }, yaw, ..self.camera }
     }
 
-    /// Returns the reprojection error of a point, with the derivatives of u and v.
+    /// Returns the reprojection error (u, v) of a point, and the derivatives of u and v with respect to x, y, z
+    /// and yaw. The unit is an undistorted pixel; for a wide lens a raw pixel.
     ///
     /// The derivatives of the point in camera axes by the position are minus the columns of the rotation R.
     /// The derivative by the yaw is `R (q_y, -q_x, 0)`, where q is the world vector from the camera to the
@@ -322,7 +325,7 @@ impl Resection<'_> {
         Some(([shown.u - drawn.u, shown.v - drawn.v], by))
     }
 
-    /// Returns the reprojection error of a wide lens, in raw pixels.
+    /// Returns the reprojection error and its derivatives as [`Self::error`], for a wide lens in raw pixels.
     fn wide_error(&self, camera: &Camera, point: &ControlPoint) -> Option<([f64; 2], [Vector4<f64>; 2])> {
         let observed = ObservedPixel::new(point.pixel, &camera.lens)?;
         let shown = PosedCamera::new(*camera).reproject(point.world, observed.chart.as_ref())?;

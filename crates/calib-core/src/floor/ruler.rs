@@ -29,9 +29,9 @@ pub struct RulerPoint {
 /// Measured quantity with its standard deviation, in metres or square metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measured {
-    /// Value.
+    /// Measured value, in metres or square metres.
     pub value: f64,
-    /// Standard deviation; `None` if an error of a camera is unknown.
+    /// Standard deviation of the value; `None` if an error of a camera is unknown.
     pub sigma: Option<f64>,
 }
 
@@ -107,9 +107,10 @@ impl Ruler<'_> {
         Some(Measured { value: signed.value.abs(), ..signed })
     }
 
-    /// Measures the vertical distance from a foot to the head vertically above it, in metres. The foot is at its
-    /// [`RulerPoint::height`]; the height entered for the head is not used. Returns `None` if the foot's pixel shows no point at its
-    /// height, if the ray of the head is vertical, or if the head is not above the foot in the image.
+    /// Measures the vertical distance from a foot to the head vertically above it, in metres. The foot is at
+    /// its [`RulerPoint::height`]. The field `height` of the head is not used. Returns `None` if the pixel of
+    /// the foot shows no point at its height, if the ray of the head is vertical, or if the pixel of the head
+    /// is too far from the image of the vertical.
     ///
     /// The head is the point of the vertical that is nearest to the ray of its pixel.
     #[must_use]
@@ -131,9 +132,9 @@ impl Ruler<'_> {
         (top.distance(head.pixel) <= most).then_some(measured)
     }
 
-    /// Returns the floor positions of the points, in metres, and their joint covariance, in square metres. Its rows
-    /// are x and y of the first point, then of the next. Returns `None` if a pixel does not show a point at its height, or if the
-    /// height, the orientation or the lens of a camera has an unknown error.
+    /// Returns the floor positions of the points, in metres, and their joint covariance, in square metres. Its
+    /// rows are x and y of the first point, then of the next. Returns `None` if a pixel does not show a point
+    /// at its height, or if the height, the orientation or the lens of a camera has an unknown error.
     ///
     /// Unknown errors of a camera's placement by hand are not contained: the placement on the plan counts as exact.
     #[must_use]

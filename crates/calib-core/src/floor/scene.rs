@@ -15,11 +15,11 @@ pub const PRISM_HEIGHT: f64 = 2.0;
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum MarkKind {
-    /// Two crossed lines on the floor; size: arm.
+    /// Two crossed lines on the floor; size: length of an arm.
     Cross,
-    /// Upright box around its base; size: width, depth, height.
+    /// Upright box with named points at the centres of its base and top; size: width, depth, height.
     Post,
-    /// Box; size: width, depth, height.
+    /// Upright box with named points at its eight corners; size: width, depth, height.
     Box,
     /// Upright cylinder; size: radius, height.
     Cylinder,
@@ -114,7 +114,7 @@ pub struct MarkShape {
     pub at: WorldPoint,
     /// Rotation about the vertical, counter-clockwise seen from above, in radians.
     pub turn: f64,
-    /// Size in metres, in the order of [`MarkKind::size_names`].
+    /// Lengths in metres, and numbers of columns and rows, in the order of [`MarkKind::size_names`].
     pub size: Vec<f64>,
 }
 
@@ -295,7 +295,8 @@ pub fn prism(base: &[FloorPoint]) -> Vec<Polyline> {
 /// Returns the lines of a grid inside a floor polygon, at every multiple of `step` metres in x and y.
 #[must_use]
 pub fn floor_grid(polygon: &[FloorPoint], step: f64) -> Vec<Polyline> {
-    /// Maximum number of lines in one direction. More would not be distinguishable.
+    /// Limit of the number of lines in one direction. From this number on, no lines are returned, because they
+    /// would not be distinguishable.
     const MAX_LINES: f64 = 400.0;
     let mut lines = Vec::new();
     for axis in 0..2 {
@@ -339,7 +340,7 @@ fn crossings(
 }
 
 /// Returns the ellipse of `sigmas` standard deviations about the camera position on the floor, as a polygon.
-/// Returns `None` if the position was not estimated.
+/// Returns `None` if the position was not estimated or its error is unknown.
 #[must_use]
 pub fn position_ellipse(camera: &Camera, sigmas: f64) -> Option<Vec<FloorPoint>> {
     let axes = [Covariance::X, Covariance::Y];

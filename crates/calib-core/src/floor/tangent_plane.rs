@@ -61,7 +61,7 @@ impl Geographic {
     }
 }
 
-/// Plane that touches the ellipsoid at world (0, 0), at the height of the floor.
+/// Floor plane through the world origin, parallel to the tangent plane of the WGS84 ellipsoid there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TangentPlane {
     /// Earth-centred coordinates of the world origin, in metres.
@@ -111,7 +111,7 @@ impl TangentPlane {
     #[must_use]
     pub fn floor_of_degrees(&self, [latitude, longitude]: [f64; 2]) -> FloorPoint {
         let (latitude, longitude) = (latitude.to_radians(), longitude.to_radians());
-        // The horizontal position depends on the height only to second order, beyond a kilometre.
+        // A height error h moves a point at the distance d by only h d / R, with the earth radius R.
         self.to_world(Geographic { latitude, longitude, height: self.height }).on_floor()
     }
 

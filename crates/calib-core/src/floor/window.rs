@@ -108,8 +108,8 @@ impl Window {
     }
 
     /// Creates four windows around the axis of a camera. On a ceiling they look outwards to the top, right,
-    /// bottom and left side of the image, with upright objects upright. On a wall they look up left, up
-    /// right, down left and down right.
+    /// bottom and left side of the image, with upright objects upright. On a wall they look up left, up right,
+    /// down left and down right. Returns `None` if a side of `size` is 0.
     #[must_use]
     pub fn quadrants(mount: Mount, size: [usize; 2]) -> Option<[Self; 4]> {
         /// Angle of the windows from the axis of the camera, in radians.
@@ -204,7 +204,8 @@ impl Window {
         lens.bearing_to_pixel([focal * x, focal * y, z])
     }
 
-    /// Maps a raw pixel of a camera to the window. Returns `None` if the window does not show the raw pixel.
+    /// Maps a raw pixel of a camera to the window. The result may be outside the borders of the window. Returns
+    /// `None` if no ray reaches the raw pixel, or if [`Self::pixel`] returns `None` for its direction.
     #[must_use]
     pub fn raw_to_window(&self, lens: &Lens, focal: f64, raw: Pixel) -> Option<Pixel> {
         let [x, y, z] = lens.bearing(raw)?;

@@ -76,7 +76,7 @@ fn fisheye_grid(lens: &Lens, size: [f64; 2]) -> Vec<Vec<Pixel>> {
     let mut found = Vec::new();
     for turn in (0..count).map(|i| (f64::from(i) * step).to_radians()) {
         let (sin, cos) = turn.sin_cos();
-        // For t from -1 to 1: one full circle that starts and ends behind the camera, where no lens looks.
+        // For t from -1 to 1: one full circle that starts and ends behind the camera, outside every field of view.
         let along = |t: f64| (PI + 0.5 * TAU * (1.0 + t)).sin_cos();
         let column = |t: f64| {
             let (s, c) = along(t);

@@ -52,7 +52,7 @@ impl Editor {
         let added = site.cameras.len() - 1;
         let before = self.session.history.depth();
         self.session.commit(format!("add {id}"));
-        // A refused image adds no step, and after another gesture or an undo, the steps stay apart.
+        // A refused image adds no step. After another gesture or an undo, the steps are not joined.
         let is_next = joins_last && self.session.added_at == Some(before);
         if is_next && self.session.history.depth() == before + 1 {
             self.session.history.join_last(|count| format!("add {count} images"));
@@ -120,7 +120,7 @@ impl Editor {
     pub(super) fn rename_camera(&mut self, id: &str) {
         let session = &mut self.session;
         if id.is_empty() || session.site.cameras.iter().any(|camera| camera.id == id) {
-            let note = "Camera not renamed: the id is empty or already in use. Enter another id.";
+            let note = "Camera not renamed: the ID is empty or already in use. Enter another ID.";
             session.note = Some(note.into());
             return;
         }

@@ -195,7 +195,7 @@ impl Editor {
             self.session.commit(format!("rename {old} to {id}"));
         } else {
             let why = if id.is_empty() { "the name is empty" } else { "another plane has this name" };
-            self.session.note = Some(format!("{old} was not renamed: {why}."));
+            self.session.note = Some(format!("{old} was not renamed: {why}. Enter another name."));
         }
     }
 

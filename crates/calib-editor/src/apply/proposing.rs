@@ -31,7 +31,9 @@ impl Editor {
         let camera = &of.camera;
         let proposed = PendingCalibration::new(entry, proposal);
         let note = match (proposed.count(), proposed.confidence) {
-            (0, Confidence::None) => Some(format!("No lines were detected in the image of {camera}.")),
+            (0, Confidence::None) => {
+                Some(format!("No lines were detected in the image of {camera}. Draw lines by hand."))
+            }
             (0, _) => Some(format!("All detected lines of {camera} are already annotated.")),
             // No note: the status line shows the available keys while the automatic calibration is undecided.
             _ => None,
@@ -69,7 +71,7 @@ impl Editor {
         self.session.commit(format!("calibrate {} automatically", counted(count, "image", "images")));
     }
 
-    /// Applies the placements that were estimated by colours as one undo step.
+    /// Applies the placements that were estimated from the colours of the images, as one undo step.
     fn place_by_colours(&mut self, found: &SitePlacement) {
         let count = found.cameras.iter().filter(|camera| camera.placement.is_some()).count();
         if count > 0 {
@@ -78,7 +80,8 @@ impl Editor {
         }
     }
 
-    /// Applies a command to the selected group of lines, or to the group that reduces the floor error most.
+    /// Applies a command to the automatic calibration of the selected camera. A command for one group applies to the
+    /// group of the selected line, otherwise to the group that reduces the floor error most.
     pub(super) fn proposing(&mut self, command: Proposing) {
         let mut group = || self.selected_group();
         let action = match command {

@@ -31,8 +31,8 @@ impl Editor {
         self.finish_event();
     }
 
-    /// Whether a press selects a line of an automatic calibration. Annotations and drawing tools take
-    /// precedence.
+    /// Selects the line of the automatic calibration under a press, and returns whether there is one. Annotations and
+    /// drawing tools take precedence.
     fn picks_calibration_line(&mut self, pointer: &Pointer) -> bool {
         let is_free = self.tool_row == 0 && self.tool.is_idle() && pointer.phase == Phase::Press;
         let session = &mut self.session;
@@ -51,7 +51,8 @@ impl Editor {
         session.pending.picked_line.is_some()
     }
 
-    /// Finishes a pointer event: a tool that is done is replaced by the selection tool.
+    /// Finishes a pointer event or a gesture command: replaces a tool that is done by the selection tool, and solves
+    /// the site.
     fn finish_event(&mut self) {
         if self.tool.is_done() {
             self.select_tool(0);

@@ -190,7 +190,7 @@ impl Editor {
         let notes = if notes.is_empty() { String::new() } else { format!(" Note: {}.", notes.join("; ")) };
         if let Err(error) = self.session.site.check() {
             self.session.revert();
-            self.error = Some(format!("The imported data do not fit the site: {error}"));
+            self.error = Some(format!("The imported data does not fit the site: {error}"));
             return;
         }
         if points > 0 && lenses + added == 0 {

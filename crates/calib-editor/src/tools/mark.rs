@@ -33,8 +33,8 @@ fn add_mark(site: &mut Site, kind: MarkKind, at: [f64; 2]) -> usize {
     site.marks.len() - 1
 }
 
-/// Returns the names of the corners of a rectangle whose pixels are in this order around it. The first side is
-/// its width. Returns `None` if the sides cross or a corner points inwards.
+/// Returns the corner names of a rectangle for four pixels in order around it, in either direction. The side between
+/// the first two pixels is the width. Returns `None` if the sides cross or a corner points inwards.
 fn corner_names(corners: &[Pixel; 4]) -> Option<[&'static str; 4]> {
     let turn = |i: usize| {
         let [a, b, c] = [0, 1, 2].map(|k| corners[(i + k) % 4]);

@@ -91,7 +91,7 @@ impl Measure {
         };
         let click = RulerClick { image, pixel };
         let Some(last) = self.clicks.last_mut() else {
-            // The second press of a double click belongs to the measurement that the first one finished.
+            // The second press of a double click starts no new measurement.
             if pointer.phase == Phase::Press && !pointer.double {
                 (self.from, self.to) = (None, None);
                 session.select_camera(camera);
@@ -221,8 +221,7 @@ const fn refusal(change: CameraChange) -> Option<&'static str> {
             Some("The newer image shows another view. Calibrate it as another camera to measure in it.")
         }
         CameraChange::TooDark | CameraChange::Blind | CameraChange::TooFewEdges => Some(
-            "It is unknown whether the camera has moved since its calibration. You cannot measure in the \
-             newer image.",
+            "It is unknown whether the camera has moved since its calibration. Measure in the calibrated image.",
         ),
     }
 }
@@ -333,7 +332,7 @@ impl Tool for Measure {
     }
 }
 
-/// Describes where the points of a measurement are.
+/// Describes the location of the points of a measurement: on the floor, or `height` metres above it.
 fn place_text(session: &Session, height: f64) -> String {
     if height == 0.0 {
         return "on the floor".into();

@@ -79,8 +79,8 @@ pub fn plan_handles(session: &Session, camera: usize) -> Vec<(PlanHandle, [f64; 
     handles
 }
 
-/// Whether a press on the plan with the selection tool takes nothing: no mark, and no camera. The position and the
-/// radius are in floor metres.
+/// Whether the plan has no mark, no camera handle and no field of view at a position, so that a press with the
+/// selection tool starts no drag. The position and the radius are in floor metres.
 #[must_use]
 pub fn is_plan_empty_at(session: &Session, at: [f64; 2], radius: f64) -> bool {
     let is_near = |mark: &calib_site::Mark| (mark.at_m.x - at[0]).hypot(mark.at_m.y - at[1]) <= radius;

@@ -85,7 +85,7 @@ impl Segment {
         [snapped(self.snaps_start, end, start), snapped(pointer.modifiers.alt, start, end)]
     }
 
-    /// Shows the line to the pointer.
+    /// Shows the unfinished line, with each end on the image edge under it if Alt is pressed at that end.
     fn follow(&mut self, session: &mut Session, camera: usize, line: [Pixel; 2], pointer: &Pointer) {
         self.shown = self.on_edges(session, camera, line, pointer);
         self.show(session, camera, self.shown);

@@ -129,7 +129,7 @@ pub(crate) struct Alignment {
 }
 
 impl Alignment {
-    /// Aligns the new image `luma` to the samples `places` of the old image, starting from `motion`. `of` are
+    /// Aligns the new image `luma` to the samples `places` of the old image, starting from `motion`. `of` selects
     /// the fitted parameters. Each iteration searches within the next distance of `reaches`, in pixels.
     /// Returns `None` if the edges do not determine the parameters.
     pub(crate) fn new(

@@ -147,8 +147,8 @@ pub(crate) struct Match {
     pub(crate) new: Pixel,
     /// Size of a pixel of the coarser of the two scales, in pixels of the full image.
     pub(crate) size: f64,
-    /// Ratio of the squared descriptor distance of the match to the distance of the next best candidate;
-    /// lower is better.
+    /// Ratio of the squared descriptor distance of the match to that of the next best candidate; lower is
+    /// better.
     pub(crate) ambiguity: f32,
 }
 

@@ -9,7 +9,7 @@
 //! - `motion`: the motion of a camera and its derivatives; `edge_sample`: samples along the edges of the old image;
 //! - `turn_fit`: one rotation and zoom fitted to all edge offsets; `alignment`: iterated search and fit;
 //! - `step_test`: the test for a moved camera;
-//! - `window`: a digital zoom or crop instead of a movement;
+//! - `window`: a digital zoom or crop instead of a rotation;
 //! - `comparison`: the entry point, [`Comparison`];
 //! - `transfer`: annotations transferred to the new image; `recovery`: the camera solved from them,
 //!   [`recover`].

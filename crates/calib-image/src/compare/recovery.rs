@@ -13,7 +13,7 @@ use crate::compare::transfer::AnnotationTransfer;
 
 /// Smallest fraction of the annotations that must be transferred for a calibration.
 const MIN_TRANSFERRED_FRACTION: f64 = 0.5;
-/// Largest distance between the solution and the measured rotation, in standard deviations of the solution.
+/// Largest difference between the solution and the measured rotation, in combined standard deviations.
 const MAX_DEVIATION_SIGMAS: f64 = 4.0;
 
 /// Reason why a camera is not recovered.

@@ -1,11 +1,11 @@
 //! Window of the old image that a new image shows: a digital zoom, a crop, or the whole view in another
 //! resolution.
 //!
-//! A window moves an old pixel x to `s (x - c)`, with one scale s and the corner c. Unlike a rotation, it keeps
-//! the lens: distorted lines stay as they are. Matched corners determine it to about a pixel (RANSAC, Fischler
-//! and Bolles 1981). Brightness then determines it to some hundredths of a pixel (Lucas and Kanade 1981): the
-//! sum of the squared differences of log brightness is minimal, with a common offset for exposure, and with the
-//! weights of Tukey for what moved.
+//! A window maps an old pixel `x` to `s (x - c)`, with one scale `s` and the corner `c`. Unlike a rotation, it does
+//! not change the shape of distorted lines. Matched corners determine it to about a pixel (RANSAC, Fischler and
+//! Bolles 1981). Brightness then determines it to some hundredths of a pixel (Lucas and Kanade 1981), by least
+//! squares of the differences of log brightness. A common offset represents exposure. Tukey's weights reject moving
+//! objects.
 
 use calib_core::Pixel;
 use calib_site::WindowMap;
@@ -16,13 +16,14 @@ use crate::compare::coarse::best_of_pairs;
 use crate::compare::feature::{Feature, Luma, Match, SMOOTHING_PX, features, features_from, matches};
 use crate::compare::turn_fit::{MAD_TO_SIGMA, median};
 
-/// Smallest and largest scale of a window. Zooms are digital up to a factor of 4; smaller scales are substreams.
+/// Smallest and largest scale of a window. Digital zooms have factors up to 4. Streams of lower resolution have
+/// scales below 1.
 const SCALES: [f64; 2] = [0.2, 4.6];
 /// Columns and rows of the blocks of the new image, for counting matched corners and agreeing blocks.
 const BLOCKS: [usize; 2] = [12, 8];
 /// Number of samples at which brightness is compared.
 const SAMPLE_COUNT: f64 = 40_000.0;
-/// Largest difference of log brightness that counts in full; a larger one is something that moved.
+/// Largest difference of log brightness that counts in full; larger differences are due to moving objects.
 const MAX_DIFFERENCE: f64 = 0.15;
 
 /// Part of the old image that the new image shows.
@@ -42,7 +43,7 @@ impl ShownWindow {
     }
 }
 
-/// Window that a new image shows, and how well it agrees.
+/// Window that a new image shows, with its accuracy and its agreement with the image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct FoundWindow {
     pub(crate) map: WindowMap,
@@ -108,7 +109,7 @@ fn pairs(upright: &[Feature], new: &Luma) -> Vec<Pair> {
     found.iter().map(pair).collect()
 }
 
-/// Returns the window on which most matches agree, in enough blocks of the new image.
+/// Returns the window with inliers in the most blocks of the new image; `None` if these are too few.
 fn coarse_window(pairs: &[Pair]) -> Option<WindowMap> {
     /// Smallest number of blocks with an inlier.
     const MIN_BLOCKS: usize = 8;
@@ -174,8 +175,9 @@ struct BrightnessPair {
     samples: Vec<Pixel>,
     /// Centre of the samples.
     middle: Pixel,
-    /// Distance of neighbouring samples, and the standard deviation of the smoothing, in old pixels.
+    /// Distance between neighbouring samples, in pixels of the old image.
     step: f64,
+    /// Standard deviation of the smoothing of the old image, in its pixels.
     smoothing: f64,
 }
 
@@ -228,7 +230,7 @@ impl BrightnessPair {
     fn refine(&self, mut map: WindowMap) -> Option<(WindowMap, f64)> {
         /// Maximum number of steps.
         const MAX_STEPS: usize = 20;
-        /// Largest move of the image corners of the last step, in pixels.
+        /// Displacement of the image corners by a step, in pixels, below which the iteration ends.
         const MIN_STEP_PX: f64 = 1e-3;
         let mut sigma = f64::INFINITY;
         for _ in 0..MAX_STEPS {
@@ -244,7 +246,7 @@ impl BrightnessPair {
                 self.middle.v - (middle.v + dv) / larger,
             );
             map = WindowMap { corner, scale: [larger; 2] };
-            // Neighbouring samples see the same noise after smoothing.
+            // Smoothing correlates the noise of neighbouring samples.
             let repeated = (2.0 * self.smoothing / self.step).max(1.0).powi(2);
             sigma = (inverse[(0, 0)] * variance * repeated).sqrt();
             let reach = self.new.width.max(self.new.height) as f64;
@@ -291,11 +293,12 @@ impl BrightnessPair {
         Some((square, gradient, spread * spread))
     }
 
-    /// Returns the window with whole pixels if it is as good: most programs zoom and crop to whole pixels.
+    /// Rounds a window to whole pixels of the old image, if the brightness agrees as well. Most programs zoom and
+    /// crop to whole pixels.
     fn whole_pixels(&self, map: WindowMap) -> WindowMap {
-        /// Largest distance of a side of the window from whole pixels.
+        /// Largest change of a value of the window by the rounding, in pixels.
         const MAX_DISTANCE_PX: f64 = 0.3;
-        /// Largest ratio of the costs.
+        /// Largest ratio of the cost of the rounded window to the cost of `map`.
         const MAX_RATIO: f64 = 1.01;
         let size = [self.new.width, self.new.height].map(|side| u32::try_from(side).unwrap_or(u32::MAX));
         let window = map.window(size);

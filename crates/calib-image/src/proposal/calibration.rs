@@ -62,9 +62,10 @@ pub struct EdgeImage {
     pub segments: Vec<LineSegment>,
     /// Width and height, in pixels.
     pub size: [u32; 2],
-    /// Known values: focal length, data sheet, principal point, pixel aspect and roll; other values are not used. The roll
-    /// decides between an upright camera and one that hangs upside down or on its side. Without a principal point, it is the centre of the image circle, or near the centre of the picture. Without a
-    /// pixel aspect, pixels are assumed to be square.
+    /// Known values: focal length, data sheet, principal point, pixel aspect and roll; other values are not used. The
+    /// roll decides between an upright camera and one that hangs upside down or on its side. An unknown principal
+    /// point is at the centre of the image circle, or near the centre of the picture. Pixels of unknown aspect are
+    /// assumed to be square.
     pub known: LensEntry,
     /// Black bars at the sides of the image.
     pub bars: Bars,
@@ -139,8 +140,8 @@ impl Grouping {
 }
 
 impl AutomaticCalibration {
-    /// Calibrates an image from its edges. With a known roll, the camera is searched near this roll, otherwise near the
-    /// upright one.
+    /// Calibrates an image from its edges. The camera is searched near a known roll. If the roll is unknown, the
+    /// camera is assumed to be upright.
     #[must_use]
     pub fn new(image: &EdgeImage) -> Self {
         match image.upright() {
@@ -200,7 +201,7 @@ impl AutomaticCalibration {
     fn compared_with_edges_alone(mut self, image: &EdgeImage) -> Self {
         /// Difference of the log focal lengths, in standard deviations, above which the calibration is not `sure`.
         const MAX_SURE_DEVIATION: f64 = 2.0;
-        /// The same for `check`.
+        /// Difference of the log focal lengths, in standard deviations, above which the confidence is `none`.
         const MAX_CHECK_DEVIATION: f64 = 3.0;
         let lens = image.lens.unwrap_or_else(|| image.pinhole());
         let Some(Known { value, sigma, .. }) = image.known_focal(&lens) else { return self };
@@ -305,7 +306,8 @@ impl AutomaticCalibration {
 
     /// Sets the confidence and its reasons. Returns the rival mixture if it is one of the reasons.
     ///
-    /// `first` is the solution with the usual standard deviation of the strokes. `unusual` is the z-score of the camera under its prior.
+    /// `first` is the solution with the usual standard deviation of the strokes. `unusual` is the z-score of the
+    /// camera under its prior.
     fn set_confidence<'a>(
         &mut self,
         sigmas: FocalSigmas,

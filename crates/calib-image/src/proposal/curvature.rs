@@ -133,7 +133,7 @@ impl Problem<'_> {
         self.log_likelihood(k) - 0.5 * prior(k).map(|(residual, _)| residual * residual).iter().sum::<f64>()
     }
 
-    /// Returns the coefficients at the maximum of the posterior near `start`, and its logarithm there.
+    /// Returns the coefficients at the maximum of the posterior near `start`, and the log posterior there.
     fn maximize(&self, start: Vector2<f64>) -> (Vector2<f64>, f64) {
         /// Largest number of Gauss-Newton steps.
         const MAX_STEPS: usize = 30;

@@ -82,8 +82,8 @@ fn classify_edge(
     }
 }
 
-/// Returns the signed distance of a point below the horizon, in pixels times the focal length; negative above
-/// it.
+/// Returns the signed distance of a point below the horizon, in pixels times the cosine of the pitch; negative
+/// above the horizon.
 fn below_horizon(mixture: &Mixture, [x, y]: [f64; 2]) -> f64 {
     let [a, b, c] = super::frame::nadir(&mixture.camera);
     let focal = mixture.camera.focal;

@@ -39,7 +39,7 @@ pub(super) struct CameraPrior {
 }
 
 impl CameraPrior {
-    /// Smallest standard deviation of the logarithm of a known focal length, so that the search has a width.
+    /// Smallest standard deviation of the logarithm of a known focal length, so that the search covers a range.
     const MIN_LOG_FOCAL_SIGMA: f64 = 1e-3;
 
     /// Creates the prior for images of this width, in pixels, and for a known focal length.

@@ -3,22 +3,21 @@
 use crate::registration::colour_classes::ClassShares;
 use crate::registration::local_view::LocalView;
 
-/// Number of cells along x and along y.
+/// Number of cells of a class volume along x, and along y.
 pub(crate) const CELLS: usize = 64;
 /// Side of a cell, in heights of the camera.
 pub(crate) const CELL: f64 = 0.25;
-/// Largest horizontal distance of a point on a ray from its camera, in heights of the camera that observes
-/// it.
+/// Largest horizontal distance between a point on a ray and the camera of the ray, in heights of the other camera.
 pub(crate) const MAX_RAY: f64 = 5.5;
-/// Number of levels above the floor.
+/// Number of levels of cells, from the floor upward.
 pub(crate) const LEVELS: usize = 7;
 /// Distance between two levels, in heights of the camera.
 pub(crate) const LEVEL: f64 = 0.1;
 /// Number of cells around the volume, so that every shifted ray stays in the array.
 pub(crate) const PADDING: usize = (MAX_RAY / CELL) as usize + 1;
-/// Cells of a row with its padding.
+/// Number of cells of a row, with the padding at both ends.
 pub(crate) const STRIDE: usize = CELLS + 2 * PADDING;
-/// Value of the share 1. The sum of five shares fits in 16 bits.
+/// Stored value of the share 1. The sum of five stored shares fits in 16 bits.
 pub(crate) const UNIT: f32 = 8192.0;
 /// Share added to both shares of a likelihood ratio, in units of 1 / [`UNIT`]: a class may be absent from one
 /// image by chance.

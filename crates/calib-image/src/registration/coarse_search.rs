@@ -13,23 +13,24 @@ use crate::registration::pair_score::{
 use crate::registration::relative_pose::{RelativePose, wrapped};
 use crate::registration::site_colours::{CameraColours, Level};
 
-/// Number of yaws.
+/// Number of tested yaws.
 const YAWS: usize = 48;
 /// First yaw, in radians. It is not a multiple of the step, so that right angles are not preferred.
 const FIRST_YAW: f64 = 0.03;
-/// Log of the tested height ratios. With two measured heights, only the ratio of the given heights is tested.
+/// Logs of the tested height ratios, relative to the ratio of the given heights. If both heights are measured, only
+/// the ratio of the given heights is tested.
 const LOG_RATIOS: [f64; 3] = [0.0, -0.1625, 0.1655];
-/// Standard deviation of the log ratio below which only the ratio of the given heights is tested.
+/// Value of [`ratio_sigma`] below which only the ratio of the given heights is tested.
 const MAX_KNOWN_SIGMA: f64 = 0.05;
-/// Number of items of each camera.
+/// Largest number of colour items of each camera.
 const ITEM_COUNT: usize = 300;
-/// Number of points on a ray.
+/// Number of points on the ray of an item.
 const POINTS: usize = 5;
-/// Number of peaks.
+/// Largest number of poses that the search returns.
 const PEAK_COUNT: usize = 40;
-/// Largest number of peaks on one ridge.
+/// Largest number of these poses on one ridge of the score.
 const MAX_PEAKS_PER_RIDGE: usize = 3;
-/// Tolerance of a ridge, in radians.
+/// Largest difference of yaw and of baseline direction between two poses on one ridge of the score, in radians.
 pub(crate) const RIDGE_TOLERANCE: f64 = 8.0 * std::f64::consts::PI / 180.0;
 
 /// Scores of all positions of a camera, row by row, for one yaw and height ratio.
@@ -68,8 +69,8 @@ fn yaw(index: usize) -> f64 {
     wrapped(FIRST_YAW + index as f64 * 2.0 * std::f64::consts::PI / YAWS as f64)
 }
 
-/// Computes the scores of the items of a camera at all positions in the volume of another camera. Heights are
-/// in heights of the other camera.
+/// Computes the scores of the items of a camera at all its positions in the volume of another camera. `height` is
+/// the height of the camera, `max_height` the largest height of a surface, both in heights of the other camera.
 fn grid(items: &[Item], volume: &ClassVolume, yaw: f64, height: f64, max_height: f64) -> Grid {
     let mut scores = vec![0.0; CELLS * CELLS];
     let (sin, cos) = yaw.sin_cos();
@@ -98,8 +99,8 @@ fn grid(items: &[Item], volume: &ClassVolume, yaw: f64, height: f64, max_height:
 /// Adds the score of one item at all positions. `points` contains the plane of each point of its ray, from
 /// the first position on.
 ///
-/// The log is approximated by the exponent and the mantissa of a floating-point number. It is exact at powers
-/// of 2, therefore also for no evidence.
+/// The logarithm to base 2 of the likelihood ratio is approximated by the bits of a floating-point number. It is
+/// exact at powers of 2, therefore also for the ratio 1 (no evidence).
 fn add_item(scores: &mut [f32], points: [&[u16]; POINTS], background: f32, weight: f32) {
     /// Size of one octave in the bits of a floating-point number.
     const OCTAVE: f32 = 8_388_608.0;
@@ -167,5 +168,5 @@ fn peaks(scores: &[f32], ratios: &[f64]) -> Vec<RelativePose> {
     found
 }
 
-/// Value of the share 1 must leave room for the sum of all points of a ray in 16 bits.
+/// Check that the sum of the shares of all points of a ray fits in 16 bits.
 const _: () = assert!(UNIT * POINTS as f32 <= 65535.0);

@@ -30,8 +30,8 @@ struct Bin {
 }
 
 impl ColourClasses {
-    /// Computes the classes of all images of a site. The power 0.4 of the counts prefers rare colours to the
-    /// colours of floor and walls. The initial centres are farthest points, refined by k-means.
+    /// Computes the classes of all images of a site. A colour has the power 0.4 of its count as weight, so that the
+    /// colours of floor and walls do not dominate. The initial centres are farthest points, refined by k-means.
     pub(crate) fn new<'a>(images: impl Iterator<Item = &'a LabImage>) -> Self {
         let bins = bins(images);
         let mut centres: Vec<[f32; 3]> = Vec::new();
@@ -55,7 +55,7 @@ impl ColourClasses {
         Self { centres }
     }
 
-    /// Number of classes.
+    /// Returns the number of classes.
     pub(crate) fn len(&self) -> usize {
         self.centres.len()
     }

@@ -12,11 +12,11 @@ const MIN_SHARE: f32 = 0.2;
 const MIN_BLOB_SHARE: f32 = 0.15;
 /// Exponent of the mass of a blob. The parts of a large blob are not independent evidence.
 const BLOB_EXPONENT: f32 = -0.7;
-/// Exponent of the total weight of a class.
+/// Exponent of the total weight of a class, in the factor that is applied to the weights of its items.
 const CLASS_EXPONENT: f32 = -0.3;
 /// Largest distance of the floor point of a ray, in heights of the camera.
 const MAX_FLOOR_DISTANCE: f64 = 9.0;
-/// Background share added in the information of a class, so that it is finite.
+/// Share added to the background share of a class, so that the information of the class is finite.
 const MIN_BACKGROUND: f32 = 0.004;
 /// Sum of the weights of the items of both directions of a pair.
 const TOTAL_WEIGHT: f32 = 1000.0;
@@ -110,7 +110,7 @@ fn block_ray(image: &LabImage, view: &LocalView, step: usize, [x, y]: [usize; 2]
 }
 
 /// Returns a weight for each block and class: the power [`BLOB_EXPONENT`] of the mass of its blob. A blob is
-/// a set of blocks of one class that are connected, also diagonally.
+/// a set of blocks of one class that are connected, also diagonally. Its mass is the sum of their shares.
 fn blob_factors(blocks: &ClassShares) -> Vec<f32> {
     let ([w, h], classes) = (blocks.size, blocks.classes);
     let mut factors = vec![0.0; w * h * classes];

@@ -1,8 +1,8 @@
 //! Share of each colour class by direction, on a stereographic grid about the optical axis.
 //!
 //! The stereographic point of a vector `(x, y, z)` in camera axes is `(x, y) / (|v| + z)`. It is finite for
-//! all directions except straight backwards. The grid contains the lens, so the score of a pair needs no
-//! distortion model, and fisheye lenses cost no more than others.
+//! all directions except straight backwards. Only the computation of the grid uses the lens. The score of a pair
+//! needs no distortion model, so fisheye lenses cost no more than others.
 
 use calib_core::Pixel;
 

@@ -60,8 +60,8 @@ impl FloorPose {
         [own, other]
     }
 
-    /// Returns the pose of a camera with a pose relative to this camera. `height` is the given height of this
-    /// camera, in metres.
+    /// Returns the floor pose of a camera from its pose relative to this camera. `height` is the given height of
+    /// this camera, in metres.
     pub(crate) fn compose(&self, relative: &RelativePose, height: f64) -> Self {
         let (sin, cos) = self.yaw.sin_cos();
         let unit = height * self.log_height.exp();

@@ -35,7 +35,7 @@ pub(crate) struct JointSearch<'a> {
 /// Stage of a joint search.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Stage {
-    /// First steps of the stencils. Each round halves them.
+    /// Steps of the finite differences in the first round. Each further round halves them.
     pub(crate) steps: Steps,
     /// Number of rounds.
     pub(crate) rounds: usize,
@@ -98,9 +98,9 @@ impl<'a> JointSearch<'a> {
     }
 
     /// Makes one step of Newton's method that increases the score. Increases the damping until there is
-    /// such a step. Returns the new score.
+    /// such a step. Returns the new score, or `score` if no such step is found.
     fn step(&mut self, score: f64, steps: Steps, damping: &mut f64) -> f64 {
-        /// Largest number of dampings.
+        /// Largest number of damping values that are tried.
         const TRIALS: usize = 5;
         /// Smallest damping.
         const MIN_DAMPING: f64 = 0.1;
@@ -161,7 +161,7 @@ impl<'a> JointSearch<'a> {
         steps: Steps,
         damping: f64,
     ) -> Option<DVector<f64>> {
-        /// Weight of the pose of the first camera, which is fixed.
+        /// Weight of the position and yaw of the first camera, which are fixed.
         const FIXED_WEIGHT: f64 = 1e12;
         let shift = steps.shift * self.height;
         let units = [steps.turn, steps.turn, shift, shift];

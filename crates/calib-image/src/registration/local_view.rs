@@ -41,7 +41,7 @@ pub(crate) struct LocalView {
     camera: Camera,
     /// Rows right, down and forward of the camera, in the local frame.
     pub(crate) rotation: [[f64; 3]; 3],
-    /// Width and height of the image, in pixels.
+    /// Width and height for which the camera is calibrated, in pixels.
     size: [f64; 2],
     /// Image circle of a wide lens, without its blurred rim.
     rim: Option<ImageCircle>,

@@ -32,8 +32,8 @@ impl Steps {
 }
 
 impl PairModel {
-    /// Computes the model from the scores of 15 poses. The camera is rotated about a floor point ahead of it,
-    /// because this changes its view of the floor least.
+    /// Computes the model from the scores of 15 poses. The first camera is rotated about a floor point ahead of
+    /// it, because this changes its view of the floor least.
     pub(crate) fn new(score: &PairScore, pose: &RelativePose, steps: Steps) -> Self {
         let pivot = score.pivot_distance;
         let steps = [steps.turn, steps.turn, steps.shift, steps.shift];

@@ -24,7 +24,7 @@ use crate::registration::site_colours::{CameraColours, Level};
 pub(crate) const OUTLIER_SHARE: f32 = 0.15;
 /// Largest height of a surface, in units of the geometric mean of the heights of both cameras.
 const MAX_SURFACE_HEIGHT: f64 = 0.45;
-/// Smallest horizontal distance of a surface from its camera, in heights.
+/// Smallest horizontal distance between a point on a ray and the camera of the ray, in heights of the other camera.
 pub(crate) const MIN_RAY: f64 = 0.075;
 /// Factor of the prior of the height ratio, in score units: a deviation of one sigma costs this much.
 pub(crate) const PRIOR_WEIGHT: f64 = 5.0;
@@ -42,9 +42,9 @@ struct Side<'a> {
 pub(crate) struct PairScore<'a> {
     /// Ratio of the given heights of the first and the second camera.
     pub(crate) ratio: f64,
-    /// Standard deviation of the log of the height ratio.
+    /// Scale of the prior of the log height ratio, from [`ratio_sigma`].
     sigma: f64,
-    /// Distance from the first camera of the floor point about which it is rotated, in heights of the second
+    /// Distance between the first camera and the floor point about which it is rotated, in heights of the second
     /// camera.
     pub(crate) pivot_distance: f64,
     sides: [Side<'a>; 2],
@@ -56,7 +56,7 @@ pub(crate) fn max_surface_height(ratio: f64) -> f64 {
     MAX_SURFACE_HEIGHT * ratio.sqrt()
 }
 
-/// Returns the standard deviation of the log of the height ratio of two cameras, per camera.
+/// Returns the RMS of the standard deviations of the log heights of two cameras, for the prior of their ratio.
 pub(crate) fn ratio_sigma([a, b]: [&CameraColours; 2]) -> f64 {
     (0.5 * (a.height_sigma.powi(2) + b.height_sigma.powi(2))).sqrt()
 }
@@ -85,7 +85,7 @@ impl<'a> PairScore<'a> {
         Self::with_share(pair, level, 1.0)
     }
 
-    /// Creates the score of a pair of cameras with a share of the items.
+    /// Creates the score of a pair of cameras, with the fraction `share` of the usual number of items.
     pub(crate) fn with_share(pair: [&'a CameraColours; 2], level: Level, share: f64) -> Self {
         let count = match level {
             Level::Medium => 500.0,

@@ -16,7 +16,7 @@ const MEDIUM_COUNT: usize = 20;
 const FINE_COUNT: usize = 8;
 /// Largest number of poses on one ridge among the poses that are refined at full resolution.
 const MAX_FINE_PER_RIDGE: usize = 2;
-/// Ratio of a pair without an alternative pose.
+/// Largest value of the ratio of a pair; also the ratio without an alternative pose.
 const MAX_RATIO: f64 = 9.99;
 
 /// Decision about the relative pose of two cameras.
@@ -44,7 +44,7 @@ pub struct PairRegistration {
     pub decision: PairDecision,
     /// Yaw of the first camera relative to the second, in radians.
     pub yaw: f64,
-    /// Position of the first camera in the local frame of the second (x right, y ahead), in metres. The unit
+    /// Position of the first camera in the local frame of the second (x right, y ahead), in metres. The scale
     /// is correct if the height of the second camera is correct.
     pub baseline: [f64; 2],
     /// Ratio of the heights of the first and the second camera, divided by the ratio of the given heights.

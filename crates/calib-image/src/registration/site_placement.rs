@@ -60,7 +60,7 @@ pub struct CameraPlacement {
 pub struct PairPlacement {
     /// Indices of the cameras in the site.
     pub cameras: [usize; 2],
-    /// Whether the relative pose was found.
+    /// Decision about the relative pose.
     pub decision: PairDecision,
     /// Score of the best relative pose, in bits.
     pub score: f64,
@@ -93,7 +93,7 @@ impl PlacementSearch {
     /// Longer side above which images are reduced before the search, in pixels. Larger images do not improve
     /// the result.
     pub const SIDE_PX: u32 = 960;
-    /// Share of the registration of the pairs in the whole work.
+    /// Share of the work of a search, 0 to 1, that is the registration of the pairs.
     pub const PAIRS_SHARE: f64 = 0.7;
 
     /// Returns the indices of the cameras of a solved site that can be placed: those with a calibration and an
@@ -149,7 +149,7 @@ impl PlacementSearch {
         Self { cameras: known.iter().map(|(index, ..)| *index).collect(), colours: SiteColours::new(&views) }
     }
 
-    /// Returns all pairs of cameras, as indices of the search.
+    /// Returns all pairs of cameras, as indices of the prepared cameras of this search (not of the site).
     #[must_use]
     pub fn pairs(&self) -> Vec<[usize; 2]> {
         self.colours.pairs()

@@ -14,8 +14,8 @@ use crate::xor_shift::XorShift;
 /// Largest number of spanning trees that start the joint search.
 const TREE_COUNT: usize = 6;
 
-/// Agreement of the estimate of one pair with the joint estimate. Groups with more pairs than connections
-/// have loops, and their agreement checks the registration.
+/// Agreement of the estimate of one pair with the joint estimate. A group with more pairs than a spanning tree
+/// has loops. The agreement of its pairs then checks the registration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PairAgreement {
     /// Indices of the first and the second camera.
@@ -102,7 +102,7 @@ fn rank(pair: &PairRegistration) -> f64 {
     pair.ratio.min(MAX_RATIO) * pair.score
 }
 
-/// First stage of the joint search.
+/// First stage of the joint search, at half resolution of the small images.
 const MEDIUM_STAGE: Stage = Stage { steps: Steps { shift: 0.3, turn: 0.08 }, rounds: 2, tolerance: 0.003 };
 /// Second stage of the joint search, at full resolution of the small images.
 const FINE_STAGE: Stage = Stage { steps: Steps { shift: 0.075, turn: 0.02 }, rounds: 2, tolerance: 0.001 };
@@ -119,7 +119,7 @@ fn join_group(
     first: usize,
     progress: &mut dyn FnMut(f64) -> bool,
 ) -> Option<Poses> {
-    /// Largest numbers of pairs with all items, in each stage.
+    /// Largest number of pairs at which every pair has all its items, for each stage.
     const FULL_COUNTS: [f64; 3] = [4.0, 5.0, 20.0];
     /// Number of results of the first stage that are refined.
     const FINE_COUNT: usize = 2;

@@ -68,10 +68,10 @@ pub(super) struct Model<'a> {
     pub(super) other_lines: BTreeMap<String, usize>,
     /// Number of all lines of `lines`.
     line_count: usize,
-    /// Bounds of the lines that the drawing shows, whatever layers are shown here: pixels must not depend on the
-    /// shown layers.
+    /// Bounds of the lines on layers that are on in the drawing. They do not depend on the layers selected for the
+    /// view, so that pixel positions do not change with the selection.
     pub(super) boxes: Vec<Rect>,
-    /// Bounds of the lines on the other layers.
+    /// Bounds of the lines on layers that are off in the drawing.
     pub(super) hidden_boxes: Vec<Rect>,
     /// Number of lines and texts by layer, in upper case.
     pub(super) counts: BTreeMap<String, usize>,
@@ -160,7 +160,7 @@ impl<'a> Model<'a> {
             return true_colour(value);
         }
         match record.integer(62) {
-            // By block.
+            // Colour 0: the colour of the insertion of the block.
             Some(0) => outer.colour,
             None | Some(256) => {
                 let LayerEntry { colour, .. } = self.tables.layer(layer);

@@ -103,7 +103,7 @@ fn too_large() -> PlanError {
     PlanError::Limit { kind: "DXF", reason }
 }
 
-/// Reads alternating lines of codes and values. A line that should be a code and is not is skipped.
+/// Reads alternating lines of codes and values. A line without a number in the place of a code is skipped.
 fn text_pairs(bytes: &[u8]) -> Result<Pairs<'_>, PlanError> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let mut lines = bytes.split(|&byte| byte == b'\n');

@@ -97,7 +97,7 @@ fn collect_lines(layers: &mut [Layer], model: &Model<'_>, to_pixels: Affine, [wi
     }
 }
 
-/// Returns the layers of the tables and those that only records name.
+/// Returns the layers in the tables, and the layers that occur only in records.
 fn listed_layers(tables: &Tables<'_>, model: &Model<'_>) -> Vec<Layer> {
     let mut keys: Vec<&String> = tables.layers.keys().chain(model.counts.keys()).collect();
     keys.sort_unstable();
@@ -137,7 +137,7 @@ fn bounds(boxes: &[Rect]) -> Option<(Rect, usize)> {
     let near = middle.inflate(reach, reach);
     let is_near = |one: &&Rect| near.contains(one.origin()) && near.contains(Point::new(one.x1, one.y1));
     let distant = boxes.len() - boxes.iter().filter(is_near).count();
-    // Many distant lines are the plan, and the others a detail.
+    // If many lines are distant, they are the plan, and the near lines are a detail.
     let is_forgotten = distant <= MAX_DISTANT.max(boxes.len() / 500);
     let distant = if is_forgotten { distant } else { 0 };
     let kept = boxes.iter().filter(|one| distant == 0 || is_near(one)).copied();
@@ -202,7 +202,7 @@ fn document(model: &Model<'_>, to_pixels: Affine, [width, height]: [f64; 2]) -> 
     svg
 }
 
-/// Adds the commands of a path with hundredths of pixels.
+/// Adds the SVG commands of a path, with coordinates rounded to hundredths of a pixel.
 fn add_path(svg: &mut String, path: &BezPath) {
     use kurbo::PathEl::{ClosePath, CurveTo, LineTo, MoveTo, QuadTo};
     for element in path.elements() {
@@ -218,7 +218,7 @@ fn add_path(svg: &mut String, path: &BezPath) {
     }
 }
 
-/// Returns a text without the characters that XML reserves or forbids.
+/// Escapes the characters that XML reserves, and replaces or removes the characters that it forbids.
 fn escaped(text: &str) -> String {
     let mut result = String::with_capacity(text.len());
     for character in text.chars() {
@@ -234,7 +234,7 @@ fn escaped(text: &str) -> String {
     result
 }
 
-/// Returns the corners in the picture without duplicates, in pixels; of very many, an even selection.
+/// Returns the corners in the picture without duplicates, in pixels: at most [`MAX_CORNERS`], evenly selected.
 fn corners(model: &Model<'_>, to_pixels: Affine, [width, height]: [f64; 2]) -> Vec<[f32; 2]> {
     let picture = Rect::new(0.0, 0.0, width, height);
     let pixels = model.corners.iter().map(|&corner| to_pixels * corner);

@@ -6,7 +6,7 @@ use kurbo::Point;
 
 use super::pairs::{Record, integer};
 
-/// Name of the layer whose lines in a block take the layer of the block.
+/// Name of the layer whose lines, in a block, take the layer of the insertion of the block.
 pub(super) const BASE_LAYER: &str = "0";
 
 /// Properties of a layer.
@@ -27,7 +27,7 @@ pub(super) struct Block<'a> {
     pub(super) records: &'a [Record<'a>],
 }
 
-/// Sections of a drawing.
+/// Unit, layers, blocks and entities of a drawing.
 #[derive(Debug, Default)]
 pub(super) struct Tables<'a> {
     /// Value of $INSUNITS.
@@ -138,7 +138,7 @@ pub(super) fn decoded(text: &str) -> String {
     result
 }
 
-/// Returns the value of $INSUNITS; 0 if there is none.
+/// Returns the value of $INSUNITS; 0 if it is missing.
 fn unit(header: &Record<'_>) -> i64 {
     let mut pairs = header.pairs.iter().skip_while(|pair| pair.value.trim() != "$INSUNITS").skip(1);
     pairs.next().filter(|pair| pair.code == 70).and_then(|pair| integer(&pair.value)).unwrap_or(0)
@@ -168,7 +168,7 @@ pub(super) fn metres_of_unit(unit: i64) -> Option<f64> {
     })
 }
 
-/// Returns a colour of 24 bits.
+/// Converts a colour of 24 bits to red, green and blue, darkened if it is too bright on white.
 pub(super) fn true_colour(value: i64) -> [u8; 3] {
     let [_, r, g, b] = (value as u32).to_be_bytes();
     readable([r, g, b])

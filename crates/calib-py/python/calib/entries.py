@@ -55,7 +55,7 @@ def _check_uncertain(entry: Entry) -> None:
     for name, value in entry.items():
         if name in _UNCERTAIN and isinstance(value, (int, float)):
             like = f'{{"value": {value}, "sigma": {_UNCERTAIN[name]}}}'
-            raise _error(name, f'found {value}, expected also its standard deviation: {like}, or {{"value": {value}, "fixed": True}}')
+            raise _error(name, f'found {value} without a standard deviation, expected {like}, or {{"value": {value}, "fixed": True}}')
 
 
 def _points(points: Any, origin: Origin, what: str, dimensions: int) -> Any:

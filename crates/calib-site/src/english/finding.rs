@@ -56,7 +56,7 @@ const NO_STANDARD_DEVIATIONS: &str =
 const PLACED_BY_HAND: &str =
     "No point or link confirms the placement of the camera, so the uncertainty of its position is unknown.";
 /// Advice for two exchanged control points.
-const EXCHANGE: &str = "Swap their pixels, or their coordinates.";
+const EXCHANGE: &str = "Swap the pixels or the coordinates of the two points.";
 /// Message for a distortion that is not invertible over the image.
 const NOT_INVERTIBLE: &str = "The distortion cannot be inverted in a corner of the image.";
 
@@ -394,7 +394,7 @@ const fn advice_on_unused(why: UnusedReason) -> &'static str {
         }
         UnusedReason::NoPoses => "Switch off links and marks one at a time, the farthest first.",
         UnusedReason::NoGeoreference => {
-            "Add a second point with coordinates on the map to a solved camera, or enter \"georeference\"."
+            "Add a second point with map coordinates to a solved camera, or enter \"georeference\"."
         }
     }
 }
@@ -472,7 +472,7 @@ fn failure_text(failure: &Failure) -> [String; 2] {
 fn points_failure_text(failure: &Failure) -> [String; 2] {
     match failure {
         Failure::ExchangedControlPoints { points: [a, b] } => [
-            format!("Control points {a} and {b} are swapped: all points fit if each has the pixel of the other."),
+            format!("Control points {a} and {b} are swapped: all points fit if you swap their pixels."),
             EXCHANGE.into(),
         ],
         Failure::ContradictoryPoints { count } => [

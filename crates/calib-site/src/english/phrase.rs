@@ -169,10 +169,11 @@ impl SentenceContext<'_> {
         format!("The scale is unknown: a camera height of {} is assumed.", self.length(height))
     }
 
-    /// Returns a sentence about feet if the ratio of two contradictory lengths is about 3.28 or its inverse.
+    /// Returns a sentence about feet if the ratio of two contradictory lengths is about 3.28 or its inverse;
+    /// otherwise an empty text.
     fn feet(&self, ratio: f64) -> &'static str {
         const FEET_PER_METRE: f64 = 1.0 / 0.3048;
-        /// Largest difference of the ratios.
+        /// Largest relative difference between the ratio and the number of feet in a metre, or its inverse.
         const TOLERANCE: f64 = 0.06;
         let is_near = |expected: f64| (ratio / expected - 1.0).abs() < TOLERANCE;
         match self.site.units {
@@ -313,17 +314,17 @@ impl SentenceContext<'_> {
 
     pub(super) fn hidden_control_points(&self, points: &[usize]) -> String {
         let names: Vec<String> = points.iter().map(|&point| self.control_point(self.entry, point)).collect();
-        format!("Control points that are not visible with the computed camera pose: {}.", names.join(", "))
+        format!("Control points that are not visible from the computed camera pose: {}.", names.join(", "))
     }
 
     pub(super) fn far_control_points(&self, rms_px: f64, worst: usize, worst_px: f64) -> String {
         let name = self.control_point(self.entry, worst);
-        format!("The control points have an RMS error of {rms_px:.1} px. Worst: {name}, {worst_px:.1} px.")
+        format!("The control points have an RMS residual of {rms_px:.1} px. Worst: {name}, {worst_px:.1} px.")
     }
 
     pub(super) fn exchanged_control_points(&self, points: [usize; 2]) -> String {
         let [a, b] = points.map(|point| self.control_point(self.entry, point));
-        format!("Control points {a} and {b} are swapped: all points fit if each has the pixel of the other.")
+        format!("Control points {a} and {b} are swapped: all points fit if you swap their pixels.")
     }
 
     pub(super) fn far_from_map(&self, camera: usize, point: usize, distance: f64) -> String {

@@ -106,7 +106,7 @@ pub(super) fn forget(folder: &Path, file: &Path) {
     }
 }
 
-/// Lock of an autosave folder; also the end of a killed process releases the lock.
+/// Lock of an autosave folder. The system releases it when the process ends, even if the process is killed.
 #[derive(Debug)]
 pub(crate) struct Claim {
     /// Lock file, which the system locks until the file is closed.

@@ -128,7 +128,7 @@ impl Platform for Native {
         task::snapshot(ctx, request)
     }
 
-    // Every request opens the file.
+    // Every request opens the file itself, so no video stays open.
     fn close_video() {}
 
     fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>> {

@@ -68,7 +68,7 @@ impl Platform for Web {
         Ok(())
     }
 
-    /// Returns an error: the browser has no files, and its database stores sites.
+    /// Returns an error: the browser has no files. Sites are stored in its database.
     fn write_quickly(path: &Path, _: &[u8]) -> FileResult<()> {
         Err(format!("{}: the browser cannot write files", path.display()))
     }
@@ -297,7 +297,7 @@ async fn frames(request: FrameRequest, progress: Arc<Progress>) -> Result<VideoF
     Ok(VideoFrames { duration_s: duration.as_f64().unwrap_or_default(), pixel_aspect: 1.0, content })
 }
 
-/// Rasterises an SVG on white; returns a PNG.
+/// Rasterises an SVG on white; returns a PNG. `side` is its longer side, in pixels.
 async fn draw(bytes: &[u8], side: u32) -> Result<Vec<u8>, String> {
     let drawn = JsFuture::from(page::draw(&Uint8Array::from(bytes), side)).await;
     drawn.map(|png| Uint8Array::new(&png).to_vec()).map_err(|error| said(&error))
@@ -306,8 +306,8 @@ async fn draw(bytes: &[u8], side: u32) -> Result<Vec<u8>, String> {
 /// Longer side of a rasterised SVG plan, in pixels. The desktop program uses the same size.
 const SVG_SIDE: u32 = 3072;
 
-/// Decodes an image, or rasterises a drawing. Formats that our decoder does not read, such as WebP,
-/// are decoded by the browser. They and SVG drawings also have a PNG.
+/// Decodes an image, or rasterises a drawing. The browser decodes formats that our decoder does not read, such as
+/// WebP. For these formats and for SVG drawings, also returns a PNG.
 async fn decoded(source: Source, view: &View) -> Result<(DecodedImage, Option<Vec<u8>>), String> {
     let bytes = match source.name_to_render() {
         Some(_) => None,
@@ -321,7 +321,7 @@ async fn decoded(source: Source, view: &View) -> Result<(DecodedImage, Option<Ve
         let png = png.map_err(|_| refusal.to_string())?;
         let png = Uint8Array::new(&png).to_vec();
         let image = worker::pixels(&png).await?;
-        // Other programs read the PNG.
+        // The PNG is stored in the site instead of the file, so that other programs can read the image.
         return Ok((DecodedImage { image, drawing: None, svg: None }, Some(png)));
     }
     let drawing = bytes.as_deref().and_then(|bytes| Some((bytes, DrawingKind::of(bytes)?)));

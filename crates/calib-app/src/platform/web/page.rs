@@ -89,7 +89,7 @@ extern "C" {
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn panicked(message: &str);
 
-    /// Reports that the first frame is painted.
+    /// Reports that the first complete frame is painted.
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn shown();
 
@@ -122,8 +122,8 @@ extern "C" {
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn draw(bytes: &Uint8Array, side: u32) -> Promise;
 
-    /// Draws a part of an SVG document, whose unit is one pixel; the promise resolves to a PNG of this size. `part` is
-    /// x, y, width and height.
+    /// Draws a part of an SVG document, whose unit is one pixel; the promise resolves to a PNG of this size. `part`
+    /// is x, y, width and height.
     #[wasm_bindgen(js_namespace = calib, js_name = drawPart)]
     pub(crate) fn draw_part(bytes: &Uint8Array, part: &[f64], width: u32, height: u32) -> Promise;
 
@@ -139,10 +139,10 @@ extern "C" {
     #[wasm_bindgen(js_namespace = calib, js_name = closeVideo)]
     pub(crate) fn close_video();
 
-    /// Reads frames of the open video: the frame at `time`, in seconds, or `count` frames evenly spread if `time` is
-    /// negative; fewer if the memory is too small. The longer side of a frame is at most `side` pixels, unless `side` is 0. `each` gets
-    /// the share of the work done, the time, width, height and RGBA pixels of every frame, and returns whether to
-    /// continue. The promise resolves to the duration in
+    /// Reads frames of the open video: the frame at `time`, in seconds. If `time` is negative, reads `count` evenly
+    /// spaced frames instead, or fewer if the memory is too small. The longer side of a frame is at most `side`
+    /// pixels, unless `side` is 0. For every frame, `each` gets the share of the work done, and the time, width,
+    /// height and RGBA pixels of the frame. It returns whether to continue. The promise resolves to the duration in
     /// seconds.
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn frames(time: f64, count: u32, side: u32, each: &Function) -> Promise;

@@ -35,10 +35,10 @@ pub(crate) enum PlacementStep {
         site: Site,
         /// Indices of the cameras.
         cameras: Vec<usize>,
-        /// Sizes of the images.
+        /// Widths and heights of the images, in pixels.
         sizes: Vec<(u32, u32)>,
     },
-    /// Registers a pair.
+    /// Registers the images of a pair of cameras that `Prepare` returned.
     Register([usize; 2]),
     /// Returns the placements.
     Place,

@@ -238,8 +238,8 @@ impl Model for BrownConrady {
         inverse(self.jacobian(undistorted))
     }
 
-    /// By the implicit function theorem, `d A^-1 / d v = -A^-1 (d A / d u) A^-1 A^-1` (see the module
-    /// documentation for the symbols).
+    /// Computes `d A^-1 / d v = -A^-1 (d A / d u) A^-1 A^-1`, by the implicit function theorem. A is the
+    /// Jacobian of the formula at the undistorted point u, and v the distorted point.
     fn ray_curvature(&self, _: [f64; 2], [x, y, _]: [f64; 3]) -> RayCurvature {
         let by_distorted = inverse(self.jacobian([x, y]));
         let by_point = self.jacobian_by_point([x, y]);
@@ -327,8 +327,8 @@ impl BrownInverse {
         self.invert_radial(distorted_x - across[0], distorted_y - across[1])
     }
 
-    /// Returns the bound H of the second derivatives on the path of both steps. `square` is the squared
-    /// radius of the start. The path is at most two times [`MAX_FIRST_STEP`] long.
+    /// Returns the bound H of the second derivatives on the path of the Newton step and the chord step.
+    /// `square` is the squared radius of the start. The path is at most two times [`MAX_FIRST_STEP`] long.
     #[inline(always)]
     fn curvature_at(&self, square: f64) -> f64 {
         // Largest squared radius: (r + d)^2 <= 1.01 r^2 + 101 d^2 for the radius r and the path length d.
@@ -336,7 +336,8 @@ impl BrownInverse {
         self.curvature.iter().rev().fold(0.0, |sum, &term| sum * square + term)
     }
 
-    /// Returns the undistorted point after both steps, and whether its error bound is small enough.
+    /// Returns the undistorted point after one step of Newton's method and one of the chord method. The flag is
+    /// `true` if its error bound is small enough.
     #[inline(always)]
     fn two_steps(&self, distorted_x: f64, distorted_y: f64) -> (f64, f64, bool) {
         let start = self.start_point(distorted_x, distorted_y);

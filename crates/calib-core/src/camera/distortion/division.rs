@@ -86,7 +86,8 @@ impl Model for Division {
         [[along(x), cross], [cross, along(y)]]
     }
 
-    /// Differentiates the Jacobian `I / D - 2 lambda p p^T / D^2`, where p is the distorted point.
+    /// Differentiates the Jacobian `I / D - 2 lambda p p^T / D^2` with respect to the distorted point p, with
+    /// the identity I and `D = 1 + lambda |p|^2`.
     fn ray_curvature(&self, point: [f64; 2], _: [f64; 3]) -> RayCurvature {
         let [x, y] = point;
         let divisor = 1.0 + self.lambda * (x * x + y * y);

@@ -114,7 +114,7 @@ impl Profile for DoubleSphere {
         let beside = xi * sin;
         let root = (1.0 - beside * beside >= 0.0).then(|| (1.0 - beside * beside).sqrt())?;
         let d2 = xi * cos + root;
-        // The formula is not defined on the axis.
+        // The image centre has the angle 0 exactly.
         let theta = if r > 0.0 { angle_from_axis(d2 * sin, d2 * cos - xi) } else { 0.0 };
         theta.is_finite().then_some(theta)
     }

@@ -44,7 +44,7 @@ pub(super) struct Eucm {
 struct Terms {
     /// Sine of theta.
     sin: f64,
-    /// Distance d.
+    /// Distance d, with `d^2 = beta sin^2 theta + cos^2 theta`.
     d: f64,
     /// Denominator D of the image radius P.
     denominator: f64,
@@ -98,7 +98,7 @@ impl Profile for Eucm {
             return None;
         }
         let ahead = (1.0 - alpha * alpha * square) / (alpha * under.sqrt() + (1.0 - alpha));
-        // The angle is not defined on the axis of a lens with alpha = 1.
+        // The image centre has the angle 0 exactly.
         let theta = if radius > 0.0 { angle_from_axis(radius, ahead) } else { 0.0 };
         theta.is_finite().then_some(theta)
     }

@@ -78,7 +78,7 @@ pub enum Distortion {
         alpha: f64,
     },
     /// Rational model of OpenCV with the radial coefficients k1 to k6, the tangential coefficients p1, p2 and
-    /// the thin-prism coefficients s1 to s4. It is given, never fitted.
+    /// the thin-prism coefficients s1 to s4. The coefficients are never fitted.
     Rational(Rational),
 }
 
@@ -87,7 +87,7 @@ pub enum Distortion {
 #[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum DistortionModel {
-    /// Coefficients k1, k2, k3, p1, p2 of OpenCV.
+    /// Brown-Conrady model with the coefficients k1, k2, k3, p1 and p2 of OpenCV.
     BrownConrady,
     /// Division model with the coefficient lambda.
     Division,
@@ -144,12 +144,12 @@ pub struct ModelRow {
     pub in_order: bool,
     /// Whether the model shows rays 90° or more from the optical axis.
     pub is_wide: bool,
-    /// Whether the model can be fitted to straight edges. Otherwise its coefficients must be given, and
-    /// derivatives with respect to them are zero.
+    /// Whether the model can be fitted to straight edges. Otherwise its coefficients are fixed, and derivatives
+    /// with respect to them are zero.
     pub is_fitted: bool,
     /// Number of coefficients that are fitted by default: the first ones in the order.
     pub default_count: usize,
-    /// Distortion of this model with all coefficients zero.
+    /// Distortion of this model with all coefficients zero; only beta of the extended unified model is 1.
     pub zero: Distortion,
 }
 
@@ -274,7 +274,7 @@ impl Distortion {
         }
     }
 
-    /// Returns the result of a function of the distortion model. Returns `None` without distortion.
+    /// Calls a function with the distortion model and returns its result. Returns `None` without distortion.
     #[inline]
     fn with_model<T>(&self, function: impl FnOnce(&dyn Model) -> T) -> Option<T> {
         Some(match *self {
@@ -351,8 +351,8 @@ impl Distortion {
         self.model().map_or(&[], |model| model.row().coefficients)
     }
 
-    /// Whether the lens maps straight lines to straight lines. This is so without distortion, and with zero
-    /// coefficients in a model that is then a pinhole.
+    /// Whether the lens has no distortion, or all its coefficients are zero in a model that is then a pinhole.
+    /// Such a lens maps straight lines to straight lines.
     #[must_use]
     pub fn is_pinhole(&self) -> bool {
         /// Test point off the axis, divided by the focal length. A pinhole maps it to itself.
@@ -478,7 +478,7 @@ impl Distortion {
     /// Returns the distortion that results in the same map of pixels if the focal length is multiplied by
     /// `ratio`.
     ///
-    /// Returns `None` for a model whose map of pixels determines its focal length.
+    /// Returns `None` for a model whose map of pixels determines its focal length, unless `ratio` is 1.
     #[must_use]
     pub fn rescaled(&self, ratio: f64) -> Option<Self> {
         let Some(model) = self.model() else { return Some(*self) };

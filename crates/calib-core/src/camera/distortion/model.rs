@@ -23,7 +23,7 @@ impl ByCoefficient {
     }
 }
 
-/// Derivatives of an undistorted point with respect to every coefficient, in the order of
+/// Derivatives of an undistorted point and of its Jacobian with respect to every coefficient, in the order of
 /// [`Distortion::coefficients`].
 pub(crate) type ByCoefficients = [ByCoefficient; Distortion::MAX_FITTED];
 

@@ -11,8 +11,8 @@
 //!
 //! The inverse has no closed form. Let u be the undistorted point, v the distorted point, and A the Jacobian
 //! of the formula at u. By the implicit function theorem, `d u / d v = A^-1`, and
-//! `d A^-1 / d v = -A^-1 (d A / d u A^-1) A^-1`. The coefficients are given, never fitted, so there are no
-//! derivatives with respect to them.
+//! `d A^-1 / d v = -A^-1 (d A / d u A^-1) A^-1`. The coefficients are never fitted, so there are no derivatives
+//! with respect to them.
 
 use crate::camera::distortion::model::{Matrix2, Model, RayCurvature, product};
 use crate::camera::distortion::{Coefficient, Distortion, DistortionModel, ModelRow};
@@ -55,7 +55,7 @@ pub struct Rational {
     pub prism: [f64; 4],
 }
 
-/// Value and first two derivatives of a function of the squared radius.
+/// Value and first two derivatives of a function of the squared radius s, with respect to s.
 struct Expansion {
     value: f64,
     slope: f64,
@@ -78,7 +78,7 @@ impl Rational {
         [[k1, k2, k3], [k4, k5, k6]]
     }
 
-    /// Returns the radial factor R at a squared radius.
+    /// Returns the radial factor R and its derivatives at a squared radius s.
     fn factor(&self, s: f64) -> Expansion {
         let [over, under] = self.halves().map(|terms| cubic(terms, s));
         let value = over.value / under.value;
@@ -135,10 +135,11 @@ impl Rational {
         [[[of_x[0], of_x[1]], [of_y[0], of_y[1]]], [[of_x[1], of_x[2]], [of_y[1], of_y[2]]]]
     }
 
-    /// Returns the undistorted radius at which the radial part stops growing, or its denominator is zero. It
-    /// is infinite if there is no such radius.
+    /// Returns the undistorted radius at which the radial part stops increasing, or at which its denominator is
+    /// zero. It is infinite if there is no such radius. The tangential and prism terms are ignored.
     ///
-    /// With primes for derivatives by s, the radius `r R` grows while `(N + 2 s N') D - 2 s N D' > 0`.
+    /// The radial part `r R` with `R = N / D` increases while `(N + 2 s N') D - 2 s N D' > 0`. Primes are
+    /// derivatives with respect to `s = r^2`.
     fn fold_radius(&self) -> f64 {
         let [[a, b, c], [d, e, f]] = self.halves();
         let over = [1.0, a, b, c];

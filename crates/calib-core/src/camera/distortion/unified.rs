@@ -37,7 +37,7 @@ pub struct Unified {
     pub xi: f64,
     /// Radial coefficients k1 and k2 of the points that the pinhole observes.
     pub radial: [f64; 2],
-    /// Tangential coefficients p1 and p2 of these points.
+    /// Tangential coefficients p1 and p2 of the points that the pinhole observes.
     pub tangential: [f64; 2],
 }
 
@@ -115,9 +115,9 @@ impl Model for Unified {
         product(self.sphere().ray_jacobian(point, ray), self.lens().undistort_jacobian(distorted, point))
     }
 
-    /// Returns the derivatives of the product `R J` with respect to the distorted point: R is the Jacobian of
-    /// the sphere, and J is the Jacobian of the distortion. The derivative by coordinate k is
-    /// `sum_m (dR / dq_m) J_mk J + R dJ / dk`.
+    /// Returns the derivatives of the product `R J` with respect to the distorted point. J is the Jacobian of
+    /// the point q before the distortion. R is the Jacobian of the ray with respect to q. The derivative with
+    /// respect to coordinate k is `sum_m (dR / dq_m) J_mk J + R dJ / dk`.
     fn ray_curvature(&self, distorted: [f64; 2], ray: [f64; 3]) -> RayCurvature {
         let point @ [x, y] = self.point_of_ray(ray);
         let (sphere, lens) = (self.sphere(), self.lens());
