@@ -105,7 +105,7 @@ impl Profile for DoubleSphere {
         let Self { xi, alpha } = *self;
         let r = radius / (1.0 + xi);
         let under = 1.0 - (2.0 * alpha - 1.0) * r * r;
-        if !self.is_lens() || under < 0.0 {
+        if !self.is_lens() || under.is_nan() || under < 0.0 {
             return None;
         }
         let ahead = (1.0 - alpha * alpha * r * r) / (alpha * under.sqrt() + (1.0 - alpha));

@@ -94,7 +94,7 @@ impl Profile for Eucm {
         let Self { alpha, beta } = *self;
         let square = beta * radius * radius;
         let under = 1.0 - (2.0 * alpha - 1.0) * square;
-        if !self.is_lens() || under < 0.0 {
+        if !self.is_lens() || under.is_nan() || under < 0.0 {
             return None;
         }
         let ahead = (1.0 - alpha * alpha * square) / (alpha * under.sqrt() + (1.0 - alpha));
