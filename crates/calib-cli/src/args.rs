@@ -14,7 +14,7 @@ use crate::{files, picture};
 /// Largest accepted side of a stream, in pixels.
 const MAX_STREAM_SIDE_PX: u32 = 16_384;
 
-/// Returns the length of a unit of length, in metres.
+/// Parses a unit of length (mm, cm, m, in or ft), and returns its length in metres.
 pub(crate) fn unit(text: &str) -> Result<f64, String> {
     match text {
         "mm" => Ok(1e-3),
@@ -93,12 +93,13 @@ pub(crate) struct OutputArgs {
 }
 
 impl OutputArgs {
-    /// Refuses an existing output file before any work is done.
+    /// Refuses an existing output file before any work is done, unless `--force` is given.
     pub(crate) fn check_free(&self) -> Result<(), CommandError> {
         files::check_free(&self.output, self.force)
     }
 
-    /// Checks the output file of a picture before any work is done: its extension, and that it does not exist.
+    /// Checks the extension of an output image before any work is done, and refuses an existing file as
+    /// [`Self::check_free`] does.
     pub(crate) fn check_picture(&self) -> Result<(), CommandError> {
         picture::is_jpeg_name(&self.output)?;
         self.check_free()
@@ -149,7 +150,7 @@ impl OutputArgs {
         std::fs::create_dir_all(&self.output).map_err(|error| CommandError::invalid(&self.output, error))
     }
 
-    /// Refuses an existing file at `path`, one of several output files.
+    /// Refuses an existing file at `path`, one of several output files, unless `--force` is given.
     pub(crate) fn check_path_free(&self, path: &str) -> Result<(), CommandError> {
         files::check_free(path, self.force)
     }

@@ -229,7 +229,7 @@ fn report(args: &Args, compared: &[CameraComparison]) -> Result<(), CommandError
     Ok(())
 }
 
-/// Returns one object for one image of a camera chosen with `--camera`, otherwise a list.
+/// Returns one object for a single camera chosen with `--camera`, otherwise an object with a list of cameras.
 fn json(args: &Args, compared: &[CameraComparison]) -> serde_json::Value {
     let of = |of: &CameraComparison| {
         let images: Vec<_> = of.images.iter().map(|seen| image_json(of, seen)).collect();
@@ -347,7 +347,8 @@ const FOUND_COLOUR: Rgb<u8> = Rgb([40, 220, 90]);
 /// Colour of an edge that was not found: it is hidden, or the object moved.
 const MISSING_COLOUR: Rgb<u8> = Rgb([255, 90, 40]);
 
-/// Draws a dot on the newer image at the predicted position of every edge.
+/// Draws a dot on the newer image at the predicted position of every compared edge sample. Its colour shows
+/// whether the edge was found.
 pub(crate) fn draw_edges(of: &CameraComparison, seen: &ImageComparison, mut image: RgbImage) -> RgbImage {
     let by = seen.comparison.pixel_map(&of.camera);
     for (place, found) in &seen.comparison.samples {

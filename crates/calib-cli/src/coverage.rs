@@ -24,7 +24,7 @@ use crate::stop::{CommandError, escape_control_characters};
 pub(crate) struct Args {
     #[command(flatten)]
     site: SiteArgs,
-    /// Level that all areas must reach; replaces the level of each area
+    /// Pixel density level that all areas must reach; replaces the level of each area
     #[arg(long, value_name = "LEVEL", value_parser = level)]
     level: Option<DensityLevel>,
     /// Height of the targets above the floor, in metres: 0 for feet, 1.6 for faces, 0.6 for number plates
@@ -45,7 +45,7 @@ pub(crate) struct Args {
     format: Option<Format>,
 }
 
-/// Parses the name of a level.
+/// Parses the name of a pixel density level.
 fn level(text: &str) -> Result<DensityLevel, String> {
     DensityLevel::from_name(text).ok_or_else(|| {
         let names = DensityLevel::ALL.map(DensityLevel::name).join(", ");

@@ -279,7 +279,7 @@ fn comparison(demo: &DemoSite, solved: &Site, format: Format) -> String {
     table + &agreement(solved)
 }
 
-/// Formats how well links and marks agree between their views.
+/// Formats the number of links and of marks, and the largest residual of each kind, in pixels.
 fn agreement(solved: &Site) -> String {
     let links = solved.links.iter().filter_map(|link| Some(("links", link.solution.as_ref()?)));
     let marks = solved.marks.iter().filter_map(|mark| Some(("marks", mark.solution.as_ref()?)));

@@ -13,7 +13,7 @@ use crate::picture;
 use crate::site_file::SiteFile;
 use crate::stop::CommandError;
 
-/// File type of the camera table that this program encodes itself.
+/// File type of camera tables that this crate encodes, because `calib_formats` does not support it.
 const PARQUET: &str = "parquet";
 
 /// Arguments of `calib export`.
@@ -54,7 +54,7 @@ pub(crate) fn formats(which: fn(&Format) -> bool) -> PossibleValuesParser {
     PossibleValuesParser::new(known.map(|format| PossibleValue::new(format.name).help(format.about)))
 }
 
-/// Returns a format by its name, which was checked before.
+/// Returns the format with this name on the command line; fails for an unknown name.
 pub(crate) fn format_named(name: &str) -> Result<&'static Format, CommandError> {
     calib_formats::format(name).ok_or_else(|| CommandError::Usage(format!("{name}: unknown format")))
 }

@@ -21,7 +21,7 @@ pub(crate) fn write(path: &str, bytes: &[u8], force: bool) -> Result<(), Command
     write_through(Path::new(path), force, |mut file| Ok(file.write_all(bytes)?))
 }
 
-/// Refuses an existing output file before any work is done.
+/// Refuses an existing output file before any work is done, unless `force` is set.
 pub(crate) fn check_free(path: &str, force: bool) -> Result<(), CommandError> {
     let is_free = path == "-" || is_stream(Path::new(path));
     if is_free { Ok(()) } else { resolve_output(Path::new(path), force).map(drop) }
@@ -64,7 +64,7 @@ pub(crate) fn write_through(
     }
     let target = resolve_output(path, force)?;
     let part = PartialFile::new_for(&target).with_context(writing)?;
-    // Errors such as a full disk name this file.
+    // The message of an error, such as a full disk, contains the name of this file.
     fill(part.file()).map_err(|error| error.add_context(writing))?;
     part.persist(&target, force).map_err(|error| match error.kind() {
         std::io::ErrorKind::AlreadyExists if !force => exists_error(path),

@@ -14,7 +14,8 @@ use crate::files::print_message;
 use crate::site_file::SiteFile;
 use crate::stop::CommandError;
 
-/// Merges imported cameras and plan into a site. Existing ones are replaced only if `replaces` is set.
+/// Merges imported cameras and plan into a site. If some exist in the site already, they are replaced if
+/// `replaces` is set; otherwise, the function fails.
 pub(crate) fn merge(file: SiteFile, imported: Site, replaces: bool) -> Result<Site, CommandError> {
     let SiteFile { mut site, path, .. } = file;
     let (mut added, mut replaced) = (Vec::new(), Vec::new());
@@ -207,7 +208,7 @@ fn read(path: &Path, name: String) -> Result<File, CommandError> {
     Ok(File { name, bytes: read.map_err(|error| CommandError::invalid(path.display(), error))? })
 }
 
-/// Adds the other files of a model that consists of several files.
+/// Adds the other files of the format from the same folder, such as `images.txt` to `cameras.txt` of COLMAP.
 fn add_companions(path: &Path, format: &Format, found: &mut Vec<File>) -> Result<(), CommandError> {
     for name in format.companions {
         let other = path.with_file_name(name);
@@ -240,7 +241,7 @@ fn collect_files(
             continue;
         }
         let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-        // A binary file that no other file refers to may be huge, such as the points of COLMAP.
+        // Binary files that the format does not need may be huge, such as the points of COLMAP.
         let is_extra = extension == "bin"
             && path.file_name().is_none_or(|name| !format.companions.iter().any(|other| name == *other));
         if !format.extensions.contains(&extension.as_str()) || is_extra {

@@ -3,7 +3,7 @@
 //! Results go to stdout, messages to stderr. Exit codes: 0 success; 1 failure; 2 usage error; 3 invalid
 //! input; 4 a camera could not be solved or a quality gate failed; 5 a lossy export was refused.
 //!
-//! Each subcommand has a file with its name. Shared files:
+//! Most subcommands have a file with their name. Shared files:
 //! - `args`: arguments of several subcommands
 //! - `site_file`: the site file and the images of its cameras
 //! - `files`, `picture`, `archive`: safe output files, encoded images, and tables in CSV, NDJSON, Arrow and
@@ -11,6 +11,9 @@
 //! - `painting`, `plan_ground`, `sigma_map`: overlays, plan backgrounds and error maps
 //! - `progress`: progress bars
 //! - `stop`: errors with their exit codes
+//!
+//! Parts of single subcommands: `detections` (`watch`, `walk`), `map_position` (`plan`), `placing` (`propose`),
+//! `windows` (`undistort`), `snapshot` and `snapshot_list` (`still`).
 
 #![cfg_attr(not(feature = "archives"), allow(dead_code, reason = "used by the archive readers"))]
 
@@ -71,7 +74,7 @@ struct Cli {
     command: Command,
 }
 
-/// Subcommands, one file each.
+/// Subcommands; most have a file with their name.
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Write a demonstration site, calibrate it, render it, and print the errors against ground truth

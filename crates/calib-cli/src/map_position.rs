@@ -13,7 +13,7 @@ use crate::stop::CommandError;
 /// Largest size of a world file or of its `.prj` file, in bytes.
 const MAX_TEXT_BYTES: u64 = 1 << 20;
 
-/// Unit of a position on the map whose file does not state it.
+/// Coordinate system of a position on the map whose file does not state one.
 #[derive(Clone, Debug)]
 pub(crate) enum MapUnits {
     /// Longitude and latitude (WGS84), in degrees.

@@ -8,7 +8,7 @@ use crate::files::ThreadsArgs;
 use crate::progress::Pulse;
 use crate::stop::CommandError;
 
-/// Places the calibrated cameras of a site. `read` returns the image of the camera with an index.
+/// Places the calibrated cameras of a site. `read` returns the image of a camera by its index in the site.
 pub(crate) fn place(
     site: &Site,
     threads: ThreadsArgs,
@@ -32,7 +32,7 @@ pub(crate) fn place(
     Ok(placement.unwrap_or_else(|| SitePlacement::refused(site, "the search was cancelled".into())))
 }
 
-/// Returns the lines of the text report.
+/// Returns the lines of the text report about the placement.
 pub(crate) fn text(placement: &SitePlacement, site: &Site) -> String {
     let mut out = format!("placement: {}: {}\n", confidence(placement.is_complete), placement.reason);
     for group in &placement.groups {
@@ -42,7 +42,7 @@ pub(crate) fn text(placement: &SitePlacement, site: &Site) -> String {
     out
 }
 
-/// Returns the JSON of the site and of its pairs.
+/// Returns the placement of the site as JSON: its confidence, the reason, and the compared pairs of cameras.
 pub(crate) fn json(placement: &SitePlacement, site: &Site) -> serde_json::Value {
     let pairs = placement.pairs.iter().map(|pair| {
         serde_json::json!({
@@ -63,7 +63,7 @@ pub(crate) fn json(placement: &SitePlacement, site: &Site) -> serde_json::Value 
     })
 }
 
-/// Returns the JSON of the place of a camera.
+/// Returns the placement of a camera as JSON: its confidence, its group and the reason.
 pub(crate) fn camera_json(placement: &SitePlacement, camera: usize) -> serde_json::Value {
     let own = &placement.cameras[camera];
     serde_json::json!({
@@ -73,8 +73,8 @@ pub(crate) fn camera_json(placement: &SitePlacement, camera: usize) -> serde_jso
     })
 }
 
-/// Returns the name of the confidence. It is never higher than *check*, because a scene that repeats itself
-/// can mislead the search.
+/// Returns the name of the confidence. It is never higher than `check`, because repeated structures in a scene
+/// can cause a wrong placement.
 const fn confidence(is_placed: bool) -> &'static str {
     if is_placed { "check" } else { "none" }
 }

@@ -1,4 +1,5 @@
-//! `calib plan`: size, scale, pages and layers of a floor plan, as a picture or as the plan of a site.
+//! `calib plan`: prints size, scale, pages and layers of a floor plan, or writes the plan as an image or into a
+//! site.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -88,11 +89,11 @@ struct ReadPlan {
     image: Option<image::RgbImage>,
     /// Size of a pixel in metres, and the source of this scale.
     scale: Option<(f64, String)>,
-    /// Position on the map.
+    /// Position of the plan on the map, if its files contain one.
     position: Option<MapPosition>,
 }
 
-/// Reads the plan. Prints its properties, or writes its picture or a site.
+/// Reads the plan. Prints its properties, or writes it as an image or into a site.
 pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if let Some(output) = &args.output {
         files::check_free(output, args.force)?;
@@ -182,7 +183,7 @@ fn read_plan(
     Ok(ReadPlan { size: facts.size, scale, drawing: Some(drawing), image: None, position })
 }
 
-/// Returns the plan entry of a site.
+/// Returns the plan entry of a site, for a plan with a known scale and without a position on the map.
 fn entry(
     image: String,
     read: &ReadPlan,
@@ -267,7 +268,7 @@ fn write_site(
 struct WallLines {
     /// Both ends of the straight lines, in plan pixels.
     lines: Vec<[PlanPixel; 2]>,
-    /// Number of the other lines.
+    /// Number of the other lines of the layers, such as arcs. They do not become walls.
     others: usize,
 }
 

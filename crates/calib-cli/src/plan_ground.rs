@@ -1,4 +1,4 @@
-//! Pixels of the plan view of a site.
+//! Background image and overlay of the plan view of a site.
 
 use calib_report::{BACKGROUND, PLAN_OPACITY, PlanBackground, Svg};
 use calib_site::{Site, SiteCoverage};
@@ -10,7 +10,7 @@ pub(crate) fn plan_view(site: &Site, picture: Option<RgbImage>) -> (RgbImage, Sv
     on_ground(calib_report::plan_view(site, sides), picture)
 }
 
-/// Returns the background of the plan view, and the coverage of the site.
+/// Returns the background of the plan view, and the overlay with the coverage of the site.
 pub(crate) fn coverage_view(
     site: &Site,
     picture: Option<RgbImage>,
@@ -20,7 +20,7 @@ pub(crate) fn coverage_view(
     on_ground(calib_report::coverage_view(site, sides, coverage), picture)
 }
 
-/// Draws the background of a view.
+/// Returns the background of a view as pixels, with a lightened plan image, and its overlay.
 fn on_ground((background, svg): (PlanBackground, Svg), picture: Option<RgbImage>) -> (RgbImage, Svg) {
     let PlanBackground { size: [w, h], has_image } = background;
     let mut ground = RgbImage::from_pixel(w, h, Rgb(BACKGROUND));

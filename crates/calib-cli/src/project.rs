@@ -53,7 +53,7 @@ pub(crate) fn encode_parquet(json: &[u8]) -> Result<Vec<u8>, CommandError> {
 }
 
 /// Builds the column of one key; the first row determines its type. Matrices are lists of numbers and
-/// polygons are lists of points. A value that is missing in the first row makes a text column.
+/// polygons are lists of points. A null value in the first row makes a text column.
 fn column(key: &str, first: &Value, rows: &[Value]) -> ArrayRef {
     let values = rows.iter().map(|row| row.get(key));
     let numbers = |value: &Value| Some(value.as_array()?.iter().map(Value::as_f64).collect::<Vec<_>>());
@@ -212,7 +212,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     Ok(())
 }
 
-/// Refuses arguments that contradict each other.
+/// Refuses invalid arguments, and arguments that contradict each other.
 fn check(args: &Args) -> Result<(), CommandError> {
     let refused = |what: &str| Err(CommandError::Usage(what.into()));
     if !args.height_m.is_finite() {
@@ -333,7 +333,7 @@ impl Table {
         sink.map_or(Ok(()), Sink::finish)
     }
 
-    /// Returns the compression of the output, which is the same as the input's.
+    /// Returns the options of the output. Its compression is the same as the input's.
     fn output_options(&self) -> OutputOptions {
         let mut options = self.source.output_options();
         options.is_verbatim = self.is_verbatim;

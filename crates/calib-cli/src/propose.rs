@@ -112,7 +112,7 @@ impl Args {
 struct ImageCalibration {
     path: PathBuf,
     size: [u32; 2],
-    /// Known values of the lens.
+    /// Known values of the lens, from the command line.
     known: LensEntry,
     /// Image circle of a fisheye lens, in raw pixels.
     image_circle: Option<ImageCircle>,
@@ -182,7 +182,7 @@ fn calibrate_image(path: PathBuf, args: &Args) -> Result<ImageCalibration, Comma
     Ok(ImageCalibration { path, size, known, image_circle, bars, calibration: proposal, is_accepted })
 }
 
-/// Returns a unique id for every image: its file name, with a number if the name is already used.
+/// Returns a unique id for every image: its file name without the extension, with a number if it is already used.
 fn ids(images: &[PathBuf]) -> Vec<String> {
     let mut used = BTreeSet::new();
     let mut id = |path: &PathBuf| {
@@ -289,7 +289,7 @@ fn text(site: &Site, results: &[ImageCalibration]) -> String {
         let _ = write!(out, "{:width$}  {:10} {lines:>7}", camera.id, proposal.confidence.name());
         if let (Some(solution), Some(sigma)) = (&proposal.solution, proposal.focal_sigma_rel) {
             let angle = |angle: Option<f64>| angle.map_or_else(|| "-".into(), |angle| format!("{angle:.2}"));
-            // Roll belongs to the heading of the image's top edge if the camera looks straight down.
+            // The roll of a camera that looks straight down is not determined separately from its yaw.
             let roll = solution.roll_deg.filter(|_| straight_down_text(solution).is_none());
             let (roll, pitch) = (angle(roll), angle(solution.pitch_deg));
             let _ =

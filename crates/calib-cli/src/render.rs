@@ -36,7 +36,7 @@ pub(crate) struct Extras {
     /// Colour the floor by its predicted error
     #[arg(long, conflicts_with = "plan")]
     pub(crate) sigma: bool,
-    /// Draw a regular grid distorted by the lens; always drawn if the lens was estimated
+    /// Draw a regular grid distorted by the lens; without --sigma, always drawn if the lens was estimated
     #[arg(long, conflicts_with = "plan")]
     pub(crate) lens_grid: bool,
 }

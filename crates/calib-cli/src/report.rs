@@ -28,7 +28,7 @@ pub(crate) struct Args {
     walk: WalkArgs,
 }
 
-/// Writes the page.
+/// Writes the page. Fails with exit code 4 if a camera is not solved, or if the walk test fails.
 pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     args.output.check_free()?;
     let file = args.site.read()?;

@@ -11,8 +11,8 @@ use image::RgbImage;
 const CELL_PX: u32 = 4;
 /// Opacity of the colours over the image, from 0 to 1.
 const OPACITY: f64 = 0.55;
-/// Errors that the legend shows, in centimetres. The smallest is below the length of a foot; the largest is
-/// too large for most uses.
+/// Floor errors at the borders between two colours, in centimetres, as in the legend. The largest is too large
+/// for most uses.
 const LEGEND_STEPS_CM: [f64; 6] = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0];
 /// Colours from small to large error, light to dark, distinguishable with colour blindness (viridis,
 /// reversed).

@@ -50,7 +50,7 @@ impl SiteFile {
         let text = calib_input::json_document(bytes).map_err(|why| CommandError::invalid(path, why))?;
         let folder = Path::new(path).parent().unwrap_or(Path::new("")).to_owned();
         let file = Self { site: Site::new(), path: path.to_owned(), folder, allows_outside, sha256 };
-        // The reason why a drawing is not read is more helpful than the missing scale.
+        // If the drawing cannot be read, its error is reported, because it causes the missing scale.
         let mut failed = None;
         let site = Site::from_json_with_drawing(&text, |plan| {
             file.drawing(plan)
@@ -195,8 +195,8 @@ impl SiteFile {
     }
 
     /// Returns the reason why an image of the site must not be read: it is missing, or its real path is
-    /// outside the site's folder. Without this check, a site from a stranger could copy any image of this
-    /// machine into the output.
+    /// outside the site's folder. Without this check, the output for an untrusted site file could contain any image
+    /// of this machine.
     fn unreadable_reason(&self, image: &str) -> Option<String> {
         if image.starts_with("data:") {
             return None;

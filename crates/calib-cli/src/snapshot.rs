@@ -1,4 +1,4 @@
-//! Arguments for the addresses of cameras. Secrets come from the environment or from a file.
+//! Snapshots from the addresses of cameras. User name and password come from the environment or from a file.
 
 use std::path::PathBuf;
 use std::time::Duration;

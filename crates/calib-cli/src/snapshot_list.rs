@@ -46,7 +46,7 @@ struct ListedCamera {
 }
 
 impl ListedCamera {
-    /// Returns the reason why the id is not the name of a file.
+    /// Returns the reason why the entry is invalid: the id is not a file name, or the address is incomplete.
     fn fault(&self) -> Option<&'static str> {
         let is_path =
             self.id.contains(['/', '\\', ':']) || self.id.starts_with('.') || self.id.ends_with(['.', ' ']);
@@ -62,13 +62,13 @@ impl ListedCamera {
         }
     }
 
-    /// Returns the possible paths of the image in the output folder: of a JPEG, and of other images.
+    /// Returns the possible paths of the image in the output folder: as JPEG, and as PNG.
     fn paths(&self, output: &OutputArgs) -> [String; 2] {
         ["jpg", "png"].map(|ending| output.path_in(&format!("{}.{ending}", self.id)))
     }
 
-    /// Writes the snapshot into the output folder. An image of an earlier day is removed first, so that it is not
-    /// taken for today's.
+    /// Writes the snapshot into the output folder. An existing image is removed first, so that no old image remains
+    /// if the snapshot fails.
     fn write(&self, list: &Path, args: &SnapshotArgs, output: &OutputArgs) -> Result<(), CommandError> {
         let paths = self.paths(output);
         for path in paths.iter().filter(|path| Path::new(path).exists()) {

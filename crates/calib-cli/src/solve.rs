@@ -107,7 +107,7 @@ fn write_warnings(out: &mut String, warnings: &[Warning]) {
     }
 }
 
-/// Method of stage 1.
+/// Method of stage 1, the calibration of each camera alone.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum MethodArg {
     /// Maximum likelihood in pixels, with standard deviations
@@ -148,7 +148,7 @@ pub(crate) struct Args {
     /// Report only the calibrations that are valid at this time (RFC 3339)
     #[arg(long, value_name = "TIME")]
     at: Option<String>,
-    /// Method of stage 1
+    /// Method of stage 1, the calibration of each camera alone
     #[arg(long, value_enum, default_value = "ml")]
     method: MethodArg,
     /// Solve each camera separately; skip joint refinement

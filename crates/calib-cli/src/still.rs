@@ -37,7 +37,7 @@ pub(crate) struct Args {
     output: OutputArgs,
 }
 
-/// Writes the still image.
+/// Writes a still image from a video, a snapshot from an address, or the snapshots of a list of cameras.
 pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if let Some(list) = &args.all {
         return snapshot_list::run(list, &args.snapshot, &args.output);
@@ -79,7 +79,7 @@ fn is_image(path: &Path) -> bool {
         .is_ok_and(|bytes| !is_video(&bytes) && calib_input::image_size(&bytes).is_ok())
 }
 
-/// Computes the median of some frames, with a progress bar.
+/// Computes the median of `count` frames, with a progress bar.
 fn median(video: &mut Video, count: u16) -> Result<RgbImage, VideoError> {
     let bar = ProgressBar::new(u64::from(count));
     if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} frames, {eta} left") {

@@ -12,7 +12,7 @@ use crate::stop::CommandError;
 use crate::windows::{self, WindowArgs};
 use calib_report::camera_lens;
 
-/// Part of the undistorted plane in the image.
+/// Part of the undistorted plane that the written image shows.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum CropArg {
     /// The centre keeps its scale

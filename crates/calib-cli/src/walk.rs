@@ -80,7 +80,7 @@ struct Limits {
 /// Minimum number of times when two or more cameras detect the person.
 const MIN_MOMENTS: usize = 20;
 
-/// Result of a walk test, with its limits.
+/// Result of a walk test, with the reasons why it fails.
 pub(crate) struct WalkTest {
     title: String,
     names: Vec<String>,

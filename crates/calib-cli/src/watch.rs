@@ -207,8 +207,8 @@ fn change_json(change: &Change) -> serde_json::Value {
     })
 }
 
-/// Formats angles in degrees and the zoom relative to the focal length; null if a value or its standard
-/// deviation is unknown.
+/// Formats angles in degrees, and the zoom as the natural logarithm of the ratio of focal lengths. A value is null
+/// if it or its standard deviation is unknown.
 fn parameters(values: [f64; PanTiltZoom::SIZE], sigmas: [f64; PanTiltZoom::SIZE]) -> serde_json::Value {
     let known =
         |i: usize, scale: f64| Some(values[i] * scale).filter(|v| v.is_finite() && sigmas[i].is_finite());

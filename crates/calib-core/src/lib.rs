@@ -17,8 +17,8 @@
 //!
 //! # Modules, in data-flow order
 //!
-//! - Module [`camera`] contains points by space, distortion models, the pinhole, reprojection with Jacobians,
-//!   and covariances.
+//! - Module [`camera`] contains point types for each coordinate system, distortion models, the pinhole,
+//!   reprojection with Jacobians, and covariances.
 //! - Module [`optimize`] contains Levenberg-Marquardt, Nelder-Mead, normal equations, Schur complement,
 //!   sparse Cholesky, and statistics.
 //! - Module [`floor`] contains the floor seen by a calibrated camera: projection, EFOV, resection,
@@ -42,7 +42,7 @@
 //!   yaw, pitch, roll. Angles are in radians; names that end in `_deg` are in degrees.
 //! - Pixels: x right, y down. The image spans `[0, width] x [0, height]`, so the centre of the first pixel is
 //!   (0.5, 0.5). OpenCV's pixel coordinates are smaller by 0.5.
-//! - The focal length is in pixels along u. Pixels are square, unless the lens has another pixel aspect.
+//! - The focal length is in pixels along x. Pixels are square, unless the lens has another pixel aspect.
 //!   Undistorted pixels are always square. The principal point defaults to the image centre.
 //! - Distortion coefficients follow OpenCV, on coordinates divided by the focal length.
 //!

@@ -254,7 +254,7 @@ fn add_cow(stage: &mut Stage, [x, y]: [f32; 2], turn: f32, seed: u32) {
     limb(at(-0.9, 0.0, 1.15), at(-0.98, 0.02, 0.55), [0.03, 0.035], coat);
 }
 
-/// Adds a barrow, buckets and a fork by the wall.
+/// Adds three buckets by the aisle, and two steel troughs by the walls.
 fn add_tools(stage: &mut Stage) {
     for ([x, y], rgb) in [([3.2, -5.0], 0x3f_6a8c), ([3.6, -4.8], 0x9c_3a30), ([15.3, -7.7], 0x55_5a5e)] {
         let foot = vec3(x, y, 0.0);

@@ -332,7 +332,7 @@ fn add_roof(stage: &mut Stage) {
     }
 }
 
-/// Adds the surroundings in view of windows and gate: paving, a lawn, a hedge, houses.
+/// Adds the surroundings in view of windows and gate: paving, a lawn, hedges, trees.
 fn add_surroundings(stage: &mut Stage) {
     let paving = Material::matt(0xa8_a49c).with(Finish::Concrete { pitch: 1.0 });
     let lawn = Material::matt(0xa3_b088).with(Finish::Green);

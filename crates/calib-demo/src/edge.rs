@@ -119,7 +119,7 @@ fn openings() -> Vec<([Edge; 2], Edge)> {
     edges
 }
 
-/// Returns level edges of the shop along an axis: tile joints, skirting, shelves, windows.
+/// Returns level edges of the shop along an axis: tile joints, and a lower edge of the skirting.
 pub(crate) fn shop_floor(axis: Axis) -> Vec<Edge> {
     let (width, depth) = (24.0, 14.4);
     let tile = exact(TILE);

@@ -144,7 +144,7 @@ fn point_link(hands: &mut [(&str, Operator)], name: &str, point: WorldPoint) -> 
 fn pole_link(hands: &mut [(&str, Operator)]) -> Link {
     let [x, y] = POLE.map(exact);
     let (foot, head) = (WorldPoint { x, y, z: 0.0 }, WorldPoint { x, y, z: exact(POLE_HEIGHT) });
-    // The foot plate hides the centre of the foot, which is ignored.
+    // The foot plate hides the centre of the foot. This occlusion is ignored.
     let shows = |hand: &Operator, point| crate::world::visible(&hand.camera, hand.size, point, 0.3);
     let seen = hands
         .iter_mut()

@@ -1,8 +1,8 @@
 //! Demonstration site with known truth: a farm shop, its store room and a barn.
 //!
 //! A small ray tracer renders the scene for six cameras with their lenses. The plan and the simulated
-//! operator's annotations use the same lists of walls and objects. So a calibration can be compared with the
-//! truth:
+//! operator's annotations use the same lists of walls and objects. A calibration can therefore be compared with
+//! the truth:
 //!
 //! ```no_run
 //! let demo = calib_demo::demo_site();

@@ -141,7 +141,7 @@ pub(crate) fn sunlight(world: &World, point: Vec3, normal: Vec3) -> Vec3 {
 }
 
 /// Computes the light at a surface point. It traces `4 x rows` rays into the half space above the surface,
-/// and one ray to each lamp that contributes enough light.
+/// and at most one ray to each lamp of the room.
 pub(crate) fn gather(world: &World, place: &LightQuery, rows: u32) -> Light {
     let LightQuery { normal, view, .. } = *place;
     let origin = place.point + normal * RAY_OFFSET;

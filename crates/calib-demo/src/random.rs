@@ -1,6 +1,6 @@
-//! Random rooms with annotations, for measuring estimators. One camera is 2.5 to 6 m high, with an image of
-//! 1920 x 1080 pixels. Its horizontal field of view is 50 to 100 degrees, pitch 15 to 60 degrees, roll up to
-//! 5 degrees.
+//! Random rooms with annotations, for measuring estimators. Each room has one camera, 2.5 to 6 m above the floor,
+//! with an image of 1920 x 1080 pixels. Its horizontal field of view is 50 to 100 degrees, its pitch 15 to 60
+//! degrees, and its roll up to 5 degrees.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 

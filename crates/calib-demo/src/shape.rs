@@ -167,7 +167,8 @@ fn box_normal(v: Vec3, half: Vec3) -> Vec3 {
     }
 }
 
-/// Moves the origin of a ray close to a shape, because squares of long distances lose single precision.
+/// Moves the origin of a ray along the ray, close to the centre `middle` of a shape. Returns the distance and the
+/// new origin. Squares of long distances would lose digits in single precision.
 fn shift_origin(line: &Line, middle: Vec3) -> (f32, Vec3) {
     let shift = (middle - line.origin).dot(line.direction);
     (shift, line.at(shift))

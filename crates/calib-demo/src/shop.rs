@@ -242,7 +242,7 @@ fn checkout(stage: &mut Stage, [x, y]: [f32; 2]) {
     }
 }
 
-/// Adds the pallet of cartons, the pole with its sign, and the barrel.
+/// Adds the pallet of cartons, the pole with its sign, the barrel and the rug.
 fn display(stage: &mut Stage) {
     let [x, y] = PALLET;
     let [width, depth, height] = PALLET_SIZE;
@@ -291,7 +291,7 @@ pub(crate) fn pallet(stage: &mut Stage, [x, y, z]: [f32; 3]) {
     }
 }
 
-/// Adds a mat, baskets, plants, a bench, signs, an extinguisher, posters, a clock.
+/// Adds a mat, baskets, plants, a bench, signs, an extinguisher and posters.
 fn details(stage: &mut Stage) {
     stage.block([2.4, 12.9, 0.0], [4.8, 14.35, 0.008], Material::matt(0x3b_3d3c));
     for i in 0..7 {

@@ -110,7 +110,7 @@ const SLACK: f64 = 0.35;
 
 /// Removes plan, placements and control points, and adds observations of the marks.
 ///
-/// The first camera keeps its exact placement, which is the gauge of the site.
+/// The first camera has its exact placement, which is the gauge of the site. The positions of the marks have errors.
 pub(crate) fn without_plan(mut site: Site) -> Site {
     site.plan = None;
     site.georeference = None;
@@ -140,7 +140,7 @@ pub(crate) fn without_plan(mut site: Site) -> Site {
     site
 }
 
-/// Returns the named points of a mark that are visible in images.
+/// Returns the names of the points of a mark that an operator can annotate in images.
 fn visible_point_names(kind: MarkKind) -> &'static [&'static str] {
     match kind {
         MarkKind::Cross => &["centre"],
@@ -160,7 +160,7 @@ fn mark_observations(mark: &Mark, hands: &mut [(&str, Operator)]) -> Vec<MarkObs
     for name in visible_point_names(mark.kind) {
         let Some(point) = shape.point(name) else { continue };
         for (id, hand) in hands.iter_mut() {
-            // The centre of an object is visible through its own surface.
+            // Points inside an object, such as its centre, are annotated although its surface hides them.
             let slack = if matches!(mark.kind, MarkKind::Box | MarkKind::Grid) { 0.03 } else { SLACK };
             if !visible(&hand.camera, hand.size, point, slack) {
                 continue;

@@ -18,7 +18,7 @@ pub(crate) const fn lesser(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// Returns the greater number, as [`lesser`] does.
+/// Returns the greater number with one instruction; see [`lesser`].
 #[inline]
 pub(crate) const fn greater(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }

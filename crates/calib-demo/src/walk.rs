@@ -166,7 +166,7 @@ pub struct PoseChange {
     pub camera: usize,
     /// Time of the change, in nanoseconds since 1970.
     pub at: i64,
-    /// Pan, tilt and zoom by which the pose changes.
+    /// Pan, tilt, roll and zoom by which the camera changes.
     pub by: PanTiltZoom,
 }
 
@@ -190,7 +190,7 @@ pub struct Crowd {
     /// Relative increase of body heights from the first to the last time, for example by shoes and hats.
     pub season: f64,
     /// Standard deviations of box edges, divided by the box height. The first error is independent for each
-    /// box; the second is common to all boxes of a person.
+    /// box; the second is common to all boxes of a person in one camera.
     pub noise: [f64; 2],
     /// Change of a camera's pose, if any.
     pub change: Option<PoseChange>,
@@ -237,7 +237,7 @@ impl Crowd {
         let length = (ends[1].x - ends[0].x).hypot(ends[1].y - ends[0].y);
         let seconds = (length / random.random_range(0.8..1.5)).max(2.0);
         let last = self.span[1] - (seconds * SECOND as f64) as i64;
-        // All frames use one clock: the start is a multiple of the frame interval after the first time.
+        // All frames use one clock: the start is a multiple of the frame interval since 1970.
         let frame = (self.frame * SECOND as f64) as i64;
         let start = random.random_range(self.span[0]..last) / frame * frame;
         let through = (start - self.span[0]) as f64 / (self.span[1] - self.span[0]) as f64;

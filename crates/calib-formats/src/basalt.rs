@@ -50,7 +50,7 @@ fn lens(id: &str, camera: &Node) -> Result<ImportedCamera, FormatError> {
         }
         "eucm" => (1.0, Distortion::Eucm { alpha: number("alpha")?, beta: number("beta")? }),
         "ucm" => {
-            // The unified model with xi = alpha / (1 - alpha) and the focal length f / (1 - alpha).
+            // The unified model with xi = alpha / (1 - alpha) and gamma = f / (1 - alpha): gamma / (1 + xi) is f.
             let alpha = number("alpha")?;
             if !(0.0..1.0).contains(&alpha) {
                 return Err(values.unexpected("alpha from 0 to below 1"));

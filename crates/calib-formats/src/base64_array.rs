@@ -11,7 +11,7 @@ pub(crate) const PREFIX: &str = "$base64$";
 /// Length of the header, in bytes.
 const HEADER_BYTES: usize = 24;
 
-/// Decodes a text, with or without the prefix. Fails with the expected content.
+/// Decodes a text, with or without the prefix. An error describes the expected content.
 pub(crate) fn numbers(text: &str) -> Result<Vec<f64>, &'static str> {
     let text = text.trim_start();
     let plain: String = text.strip_prefix(PREFIX).unwrap_or(text).split_whitespace().collect();

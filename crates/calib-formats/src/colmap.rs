@@ -117,7 +117,7 @@ fn lines<'a>(files: &'a [File], stem: &str) -> Result<(&'a File, Vec<Line<'a>>),
 }
 
 pub(crate) fn read(input: &Input) -> Result<Imported, FormatError> {
-    // A folder may contain the model twice. The first file decides.
+    // A folder may contain the model both as text and as binary. The first file determines which is read.
     let is_binary = input[0].extension() == "bin";
     let mut files = Vec::new();
     for file in input.iter().filter(|file| (file.extension() == "bin") == is_binary) {
@@ -264,7 +264,7 @@ impl Prism {
 
 /// Returns focal lengths, principal point and distortion of a fisheye lens. Its radius is
 /// `theta (1 + k1 theta^2 + ... + k6 theta^12)`. theta is the angle from the axis in radians. k1 to k6 are
-/// `terms`. Fails if the terms of `prism` move the rim visibly.
+/// `terms`. Fails if the terms of `prism` move the rim by more than [`MAX_NEGLIGIBLE_ERROR_PX`].
 fn symmetric(
     line: &Line,
     terms: [f64; 6],

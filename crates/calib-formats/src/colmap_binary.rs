@@ -30,7 +30,7 @@ const MODELS: [(&str, usize); 12] = [
 /// Number of bytes of a point of an image.
 const POINT_BYTES: usize = 24;
 
-/// Rest of a binary file.
+/// Binary file with its bytes that are not read yet.
 struct Bytes<'a> {
     file: &'a File,
     rest: &'a [u8],

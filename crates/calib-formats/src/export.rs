@@ -50,7 +50,7 @@ pub(crate) struct Scene<'a> {
 }
 
 /// Largest error of a converted lens, in pixels, that is negligible. An export reports a larger error
-/// as lost data, and an import refuses it.
+/// as lost data. An import refuses a lens if terms that it would neglect have a larger effect.
 pub(crate) const MAX_NEGLIGIBLE_ERROR_PX: f64 = 0.05;
 
 /// Returns advice for a wide-angle lens whose model the format does not support; `None` for other lenses.

@@ -32,7 +32,7 @@ pub enum Problem {
         /// The file that is present.
         companion: String,
     },
-    /// The folder does not contain the two files of a COLMAP model.
+    /// A required file of a COLMAP model is missing.
     NotColmap,
     /// No file with one of these extensions was given.
     NoFiles(&'static [&'static str]),
@@ -69,7 +69,7 @@ pub enum Problem {
     },
     /// The file ends before the length that its header states.
     CutOff,
-    /// A focal length in x or y, in pixels, is not positive and finite.
+    /// The focal lengths in x and y, in pixels, are not positive, finite and similar.
     NoFocal([f64; 2]),
     /// The principal point belongs to an image of another size: the stated size, and the size that the
     /// principal point suggests.
@@ -120,7 +120,7 @@ pub enum Problem {
     NoGeoreference,
     /// Several periods share the id of one camera.
     SeveralPeriods,
-    /// A camera's id must be a file name, and is not.
+    /// A camera's id is used as a file name, but is not valid or not unique.
     InvalidFileName,
 }
 
@@ -269,7 +269,7 @@ const MAX_NAME_CHARS: usize = 100;
 /// File in memory; its name may contain folders, separated by `/`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct File {
-    /// Path relative to the folder of the export.
+    /// Path relative to the folder of the import or export.
     pub name: String,
     /// Content of the file.
     pub bytes: Vec<u8>,

@@ -205,7 +205,7 @@ impl PositionError {
         let of_camera = |i: usize, j: usize| covariance.0[index[i]][index[j]];
         let of_map =
             estimated.map_or([[0.0; 2]; 2], |found| found.covariance_at(view.camera.position.on_floor()));
-        // World axes in east and north.
+        // Unit vectors of the world axes x and y, as east and north.
         let (sin, cos) = earth.x_axis_azimuth_deg.to_radians().sin_cos();
         let axes = [[sin, cos], [-cos, sin]];
         let covariance = std::array::from_fn(|i| {

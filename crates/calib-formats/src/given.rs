@@ -32,7 +32,7 @@ pub(crate) struct ImportedCamera {
     pub(crate) id: String,
     /// Position of the camera in the file, for messages.
     pub(crate) place: String,
-    /// Path that makes the id distinct if other cameras have the same id; empty: none.
+    /// Path that makes the id distinct if other cameras have the same id. Empty if unknown.
     pub(crate) path: String,
     pub(crate) image: Option<String>,
     /// Width and height of the image, in pixels; absent: twice the principal point.
@@ -94,7 +94,7 @@ impl ImportedCamera {
         Self { path: path.to_owned(), ..self }
     }
 
-    /// Returns the camera with the statements of the caller.
+    /// Returns the camera with the image size that the caller stated, and its pose in metres of a right-handed world.
     pub(crate) fn stated_by(self, input: &Input) -> Self {
         Self { size: input.size().or(self.size), pose: self.pose.map(|pose| input.pose(pose)), ..self }
     }
@@ -106,8 +106,8 @@ impl ImportedCamera {
 
     /// Returns the focal length in x and the pixel aspect. Fails for values that no camera has.
     fn focal_and_aspect(&self, notes: &mut Vec<String>) -> Result<[f64; 2], FormatError> {
-        /// Difference of the pixel aspect from 1 below which pixels are square, and above which an error of
-        /// the calibration does not explain it.
+        /// Difference of the pixel aspect from 1: below this range, pixels count as square; above it, a note reports
+        /// the aspect.
         const SQUARE: std::ops::RangeInclusive<f64> = 1e-9..=0.02;
         let [fx, fy] = self.focal;
         let aspect = fy / fx;
@@ -161,8 +161,8 @@ impl ImportedCamera {
 
     /// Fails if the camera matrix belongs to an image of another resolution than `size`.
     fn check_resolution(&self, size: [u32; 2]) -> Result<(), FormatError> {
-        /// Smallest ratio of two resolutions of a camera. The principal point of one camera is nearer to the
-        /// centre of its image.
+        /// Ratio of twice the principal point to the image size above which they belong to two resolutions. Real
+        /// principal points are nearer to the centre of the image.
         const MIN_RATIO: f64 = 1.3;
         let suggested = self.centre.map(|c| 2.0 * c);
         let ratios = [0, 1].map(|k| suggested[k] / f64::from(size[k]));

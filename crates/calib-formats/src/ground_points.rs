@@ -1,5 +1,5 @@
 //! Named points with known coordinates, from GPX, KML, `GeoJSON` and tables (CSV). They become ground points of a
-//! site, which wait for a click in an image. Also the export of cameras as GPX and KML.
+//! site, which the user clicks in the images later. Also the export of cameras as GPX and KML.
 //!
 //! Coordinates are WGS84, or east and north in the grid of the site for a table with these columns. Altitudes of
 //! GPX and KML files are heights above sea level and are not used: points are on the floor unless a table states
@@ -111,7 +111,7 @@ pub(crate) fn read_geojson(files: &Input) -> Result<Imported, FormatError> {
     points.finish(files, "GeoJSON file with features of type Point", Some(MAP_SIGMA_M))
 }
 
-/// Usual names of the columns of a table, in lower case; the first is ours.
+/// Columns of a table: the name that this crate uses, and all accepted names in lower case.
 const NAMES: [(&str, &[&str]); 9] = [
     ("name", &["name", "id", "point", "label", "punkt", "nr"]),
     ("lat_deg", &["lat_deg", "lat", "latitude"]),

@@ -6,12 +6,12 @@ use std::collections::{HashMap, HashSet};
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Named<'a> {
     pub(crate) id: &'a str,
-    /// Path of its file or image; empty: none.
+    /// Path of the camera's file or image. Empty if unknown.
     pub(crate) path: &'a str,
 }
 
-/// Returns ids in which the cameras with equal ids have the distinct folders, or file names, of their paths. `None`
-/// if the ids are distinct already, or if the paths do not distinguish them.
+/// Returns unique ids: in equal ids, the differing folders or file names of the paths replace or precede the id.
+/// `None` if the ids are unique already, or if the paths do not distinguish the cameras.
 pub(crate) fn distinct(cameras: &[Named]) -> Option<Vec<String>> {
     let mut groups: HashMap<&str, Vec<usize>> = HashMap::new();
     for (index, camera) in cameras.iter().enumerate() {

@@ -7,7 +7,7 @@ use calib_core::WorldPoint;
 use crate::file::{File, FormatError, Problem};
 use crate::fisheye::Rotation;
 
-/// Statements about imported files that lack a value, or contain a wrong one.
+/// Values that the caller states, because the imported files lack them or contain wrong ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ImportOptions {
     /// Width and height of the images, in pixels. They replace the size in the files.
@@ -23,7 +23,7 @@ pub struct ImportOptions {
 pub(crate) struct Input<'a> {
     files: &'a [File],
     options: ImportOptions,
-    /// Usual unit of the format, in metres, in which poses are read.
+    /// Usual unit of the format, in metres. The reader of the format converts lengths from this unit to metres.
     usual_unit_m: f64,
 }
 
@@ -58,7 +58,7 @@ impl<'a> Input<'a> {
         self.options.is_left_handed
     }
 
-    /// Returns a pose `(R, t)` with the stated unit and axes.
+    /// Corrects a pose `(R, t)` in metres for the stated unit, and for a left-handed world if it is stated.
     ///
     /// A left-handed world has the points `M X`, where M mirrors y. `R M X + t` is then behind the camera with
     /// correct pixels, so the camera has the pose `(-R M, -t)`. The determinant of `-R M` is 1.
@@ -71,14 +71,15 @@ impl<'a> Input<'a> {
         }
     }
 
-    /// Returns a world point with the stated unit and axes.
+    /// Corrects a world point in metres for the stated unit, and for a left-handed world if it is stated.
     pub(crate) fn point(&self, WorldPoint { x, y, z }: WorldPoint) -> WorldPoint {
         let scale = self.scale();
         let side = if self.is_left_handed() { -scale } else { scale };
         WorldPoint::new(scale * x, side * y, scale * z)
     }
 
-    /// Returns the factor from lengths in the usual unit to metres.
+    /// Returns the ratio of the stated unit to the usual unit, by which lengths in metres are corrected; 1 if no unit
+    /// is stated.
     fn scale(&self) -> f64 {
         self.unit_m().map_or(1.0, |unit| unit / self.usual_unit_m)
     }

@@ -156,7 +156,7 @@ fn extra_distortion(camera: &Node) -> Result<Distortion, FormatError> {
     let model = camera.get("distortion_model").map_or(Ok("none"), |node| node.text())?;
     match model {
         "none" => {
-            // The coefficients without a model are ambiguous, because a fisheye has the same number.
+            // Coefficients without a model are ambiguous, because radtan and equidistant both have four.
             if let Some(terms) = camera.get("distortion_coeffs")
                 && terms.numbers()?.iter().any(|&term| term != 0.0)
             {

@@ -40,7 +40,7 @@ const WORDS: [&str; 12] = [
 const COEFFICIENTS: [&str; 8] = ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"];
 /// Numbers of distortion coefficients that `OpenCV` allows.
 const COEFFICIENT_COUNTS: [usize; 5] = [4, 5, 8, 12, 14];
-/// Distortion that a message expects.
+/// Expected forms of a distortion, for error messages.
 const EXPECTED: &str = "a list of coefficients, numbers named k1 to k6, p1 and p2, or none";
 
 /// Part of a lens that a key names.
@@ -242,8 +242,8 @@ pub(crate) fn distortion_of_terms([k1, k2, p1, p2, k3, k4, k5, k6, prism @ ..]: 
     Distortion::Rational(Rational { radial: [k1, k2, k3, k4, k5, k6], tangential: [p1, p2], prism })
 }
 
-/// Returns `1 + xi`: the focal lengths of the unified and of the double sphere model of other programs are this many
-/// times ours, which apply at the centre of the image. Fails at `node` if xi is too small.
+/// Returns `1 + xi`. For the unified and the double sphere model, the focal lengths of other programs are this
+/// factor times ours, which apply at the centre of the image. Fails at `node` if xi is too small.
 pub(crate) fn sphere_gain(xi: f64, node: &Node) -> Result<f64, FormatError> {
     let [least, _] = Coefficient::Xi.bounds();
     if xi < least { Err(node.unexpected("xi above -1")) } else { Ok(1.0 + xi) }

@@ -6,8 +6,8 @@
 //! # Conventions
 //!
 //! The conventions of [`calib_core`] apply: z up, metres, camera axes right, down, forward, pixel (0, 0) at
-//! the corner of the image. Each format module converts at its own border. Its header states the format's
-//! axes, units and pixel origin.
+//! the corner of the image. Each format module converts between them and its format. Its header states the
+//! format's axes, units and pixel origin.
 //!
 //! # Files
 //!
@@ -83,7 +83,8 @@ pub use view::{ExportOptions, PlanImage};
 ///
 /// # Errors
 /// Fails if the format or the requested extension cannot be written, or if no camera is calibrated. Fails if
-/// two periods share an id, or if an id is not a valid file name, and the format does not allow it.
+/// two periods share an id, or if an id is not a valid file name, and the format does not allow it. Fails if the
+/// format needs a georeference and the site has none.
 pub fn export(format: &Format, site: &Site, options: &ExportOptions) -> Result<Export, FormatError> {
     let write = format.write.ok_or_else(|| FormatError::new(format.name, Problem::ReadOnly))?;
     let first = format.extensions.first().copied().unwrap_or_default();
@@ -129,7 +130,7 @@ pub fn export(format: &Format, site: &Site, options: &ExportOptions) -> Result<E
     Ok(export)
 }
 
-/// Reads the files of one calibration, without statements about them; see [`import_with`].
+/// Reads the files of one calibration with the default options; see [`import_with`].
 ///
 /// # Errors
 /// Fails if a file is invalid. The error names the file and the position in it.
@@ -141,7 +142,7 @@ pub fn import(format: &Format, files: &[File]) -> Result<Imported, FormatError> 
 ///
 /// # Errors
 /// Fails if a file is invalid. The error names the file and the position in it. Fails for an option that the
-/// format does not have.
+/// format does not support.
 pub fn import_with(
     format: &Format,
     files: &[File],

@@ -1,7 +1,7 @@
 //! Camera calibrations of Agisoft Metashape, in XML: one calibration, or the sensors of a camera export. Only the lenses
 //! are read.
 //!
-//! The principal point is relative to the image centre. The tangential terms have the other order than OpenCV's.
+//! The principal point is relative to the image centre. The tangential terms p1 and p2 are OpenCV's p2 and p1.
 
 use calib_core::{BrownConrady, Distortion};
 

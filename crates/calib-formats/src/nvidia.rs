@@ -144,8 +144,8 @@ fn polygon(corners: &[FloorPoint]) -> String {
     format!("POLYGON(({}))", ring.join(", "))
 }
 
-/// Returns at least four floor points that the camera shows: corners of the EFOV, and points between them and
-/// its centre.
+/// Returns floor points that the camera shows: up to eight corners of the EFOV. If the EFOV has fewer than four
+/// corners, points between them and its centre are added.
 fn corners(view: &View) -> Vec<FloorPoint> {
     /// Maximum number of corners of the EFOV that are used.
     const MAX_CORNERS: usize = 8;

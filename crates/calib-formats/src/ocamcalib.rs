@@ -136,8 +136,8 @@ fn lens(file: &File, notes: &mut Vec<String>) -> Result<ImportedCamera, FormatEr
 }
 
 /// Returns pairs of angle from the axis, in radians, and radius, in pixels. They end at the corner, at
-/// [`MAX_ANGLE`], or where the angle stops growing, whichever is first. Fails if the angles do not
-/// increase.
+/// [`MAX_ANGLE`], or where the angle stops growing, whichever is first. Fails if it stops growing in the first
+/// third, or if there are fewer than 16 pairs.
 fn rings(direct: &Line, corner: f64, scale: f64) -> Result<Vec<[f64; 2]>, FormatError> {
     let terms = direct.terms()?;
     let ahead = terms[0].signum();

@@ -35,8 +35,7 @@ pub struct Format {
     /// The writer passes the models to `Export::terms`, which reports the loss. A format without distortion calls
     /// `Export::report_distortion`.
     pub lenses: &'static [DistortionModel],
-    /// Whether the format contains camera positions, so that a camera that was not placed misleads its
-    /// readers.
+    /// Whether the format contains camera positions. If so, an export reports every camera that was not placed.
     pub has_positions: bool,
     /// Whether the format is written for a camera without a pose if its lens is known.
     pub writes_lenses: bool,

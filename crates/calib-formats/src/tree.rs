@@ -374,7 +374,7 @@ impl<'a> Node<'a> {
     pub(crate) fn numbers(&self) -> Result<Vec<f64>, FormatError> {
         self.mark_read();
         if let Some(data) = self.get("data") {
-            // The data of a matrix in YAML and XML are base64 without a prefix.
+            // The data of a matrix may be base64; in YAML and XML they have no prefix.
             return match data.value.as_str() {
                 Some(text) => data.base64_numbers(text),
                 None => data.numbers(),

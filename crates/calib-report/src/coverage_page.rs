@@ -45,7 +45,7 @@ impl CoveragePage<'_> {
         out
     }
 
-    /// Returns the coverage as a self-contained HTML page. `figure` is the drawing of the plan.
+    /// Returns the coverage as a self-contained HTML page. `figure` is the SVG code of the plan view.
     #[must_use]
     pub fn html(&self, figure: &str) -> String {
         let mut html = page_start(self.site.name.as_deref().unwrap_or("Coverage"));
@@ -54,7 +54,7 @@ impl CoveragePage<'_> {
         html
     }
 
-    /// Writes the coverage as a section of a report.
+    /// Writes the coverage as a section of a report. `figure` is the SVG code of the plan view.
     pub(crate) fn section(&self, html: &mut String, figure: &str) {
         let _ = writeln!(html, "<h2>Coverage</h2><p>{}</p>", escape(&self.summary()));
         for note in self.notes() {
@@ -256,7 +256,7 @@ fn area_text(result: &AreaResult<'_>) -> String {
     format!("{} {level}, {} blind{worst}: {decision}", percent(found.share), percent(found.blind_share))
 }
 
-/// Formats a share as a percentage. A share below one is never rounded to 100 %.
+/// Formats a share as a percentage. Only one is shown as 100 %, and only zero as 0 %.
 fn percent(share: f64) -> String {
     let shown = (1000.0 * share).round() / 10.0;
     let shown = if share < 1.0 && shown >= 100.0 { 99.9 } else { shown };

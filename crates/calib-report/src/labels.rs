@@ -58,8 +58,8 @@ pub(crate) fn label_position(
     ([x + right * svg.scale, y + down * svg.scale], anchor)
 }
 
-/// Returns the rectangle of a label: left, top, right and bottom in pixels. It is slightly lower than the
-/// text line, because descenders may touch another label.
+/// Returns the rectangle of a label: left, top, right and bottom in pixels. Its height is slightly below the
+/// letter height, because descenders may touch another label.
 fn label_rectangle(svg: &Svg, [x, y]: [f64; 2], text: &str, anchor: Anchor) -> [f64; 4] {
     /// Height of the rectangle above the baseline, relative to the letter height.
     const ASCENT_REL: f64 = 0.75;

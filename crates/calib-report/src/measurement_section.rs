@@ -64,7 +64,7 @@ pub fn measurement_text(measurement: &Measurement, found: Measured, units: Units
     }
 }
 
-/// Returns a sentence about a speed whose times are whole seconds.
+/// Returns a sentence about a speed whose times are whole seconds; `None` for other measurements.
 #[must_use]
 pub fn speed_remark(measurement: &Measurement, found: Measured, units: Units) -> Option<String> {
     let (low, high) = speed_limits(measurement, found.value)?;

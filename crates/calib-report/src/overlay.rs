@@ -40,7 +40,7 @@ pub fn overlay(site: &Site, entry: &SiteCamera, lens_grid: bool) -> Svg {
     svg
 }
 
-/// Number of cells of a grid along the diagonal of its polygon that stay distinguishable.
+/// Maximum number of grid cells along the diagonal of the polygon; more cells would not be distinguishable.
 pub(crate) const MAX_GRID_CELLS: f64 = 24.0;
 
 /// Returns the layers of the overlay in drawing order: the first one is the lowest.
@@ -134,8 +134,8 @@ struct Tag {
     colour: Rgb,
 }
 
-/// Draws the labels beside their points and without overlaps. Labels of the grid are omitted if there is no
-/// space.
+/// Draws the labels beside their points. If all offsets overlap, labels of the grid are omitted, and other labels
+/// have their preferred offset.
 fn draw_labels(svg: &mut Svg, items: &[Item<Pixel>], tags: &[Tag]) {
     let mut labels = Labels::default();
     tags.iter().for_each(|tag| labels.reserve_tag(svg, tag.at, &tag.text));
@@ -167,7 +167,7 @@ fn label_offsets(meaning: Meaning) -> Vec<LabelOffset> {
     };
     let above_or_below = |downs: &[f64]| downs.iter().map(|&down| (0.0, down, Anchor::Middle)).collect();
     match meaning {
-        // Below the edge of the field of view, and clear of the line of the edge.
+        // The label is below the edge of the field of view, and does not touch the line of the edge.
         Meaning::Grid => above_or_below(&[15.0]),
         Meaning::Horizon => above_or_below(&[-7.0, 15.0]),
         Meaning::Mark(_) => above_or_below(&[16.0, 30.0, -7.0]),

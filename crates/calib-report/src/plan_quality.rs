@@ -242,7 +242,7 @@ fn free_position(
     taken: &mut Vec<Rectangle>,
 ) -> Option<[f64; 2]> {
     let (tall, wide) = (style::TEXT * svg.scale, svg.text_width(text));
-    // Positions close to the point are tried first, then positions farther away, clear of arrows around the
+    // Positions close to the point are tried first, then positions farther away that avoid arrows around the
     // point.
     let corners = [5.0, 16.0].into_iter().flat_map(|gap| {
         let gap = gap * svg.scale;

@@ -36,7 +36,7 @@ pub fn plan_view(site: &Site, picture: Option<[u32; 2]>) -> (PlanBackground, Svg
     draw(site, picture, None)
 }
 
-/// Draws the coverage of a site from above, as [`plan_view`].
+/// Draws the coverage of a site from above. Argument `picture` and result are as in [`plan_view`].
 #[must_use]
 pub fn coverage_view(
     site: &Site,
@@ -71,7 +71,7 @@ fn draw(
     };
     let mut svg = Svg::new(ground.size.map(f64::from), draw_scale);
     let view = PlanView::new(site);
-    // The only camera of a site needs no place.
+    // The only camera of a coverage is drawn even if it is not placed.
     let is_alone = coverage.is_some_and(|coverage| coverage.cameras.len() == 1);
     let view = if is_alone { view } else { view.placed_only() };
     if site.plan.as_ref().is_none_or(|plan| plan.image.is_none()) {
@@ -86,7 +86,7 @@ fn draw(
         draw_items(&mut svg, &items_on_plan(&view, &[PlanLayer::Efovs]), 0.0, &on_plan);
         coverage_layer::draw_survey(&mut svg, site, &on_plan);
     } else {
-        // Overlapping fields must not add up to an opaque area.
+        // Overlapping EFOVs must not add up to an opaque area.
         let cover = (2.5 / site.cameras.len().max(1) as f64).clamp(0.05, 0.25);
         draw_items(&mut svg, &items_on_plan(&view, &[PlanLayer::Planes]), 0.0, &on_plan);
         draw_items(&mut svg, &items_on_plan(&view, &[PlanLayer::Efovs]), cover, &on_plan);

@@ -55,7 +55,8 @@ pub fn disagreement_text(one: &Disagreement) -> String {
     )
 }
 
-/// Describes the most likely error of a camera. One of the errors is not zero.
+/// Describes the most likely error of a camera. Only one of the errors is not zero: x, y, z (metres), yaw, pitch,
+/// roll (radians) or focal length (pixels).
 fn error_text(errors: &[f64; 7]) -> String {
     let [x, y, z, yaw, pitch, roll, focal] = *errors;
     let length = |name, value: f64| (name, value, format!("{:+.0} cm", 100.0 * value));

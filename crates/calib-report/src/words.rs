@@ -1,4 +1,4 @@
-//! Formats of texts and numbers for the reader, and the origin of a lens.
+//! Formats of texts and numbers for reports, and the lens of a camera.
 
 use std::fmt::Write as _;
 

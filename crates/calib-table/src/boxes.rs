@@ -66,7 +66,7 @@ const LAYOUTS: [([&str; 4], BoxForm); 11] = [
 pub struct Boxes {
     /// Form that the user states; by default it follows from the names of the columns.
     form: Option<TableBoxForm>,
-    /// Whether the numbers are fractions of the stream. The first batch with boxes decides.
+    /// Whether the numbers are fractions of the stream. The first batch with boxes determines this.
     is_normalised: OnceLock<bool>,
     /// Note about the columns, if their names are not x, y, w, h.
     columns_note: OnceLock<String>,
@@ -228,7 +228,7 @@ fn normalised_error(wording: Wording) -> TableError {
     ))
 }
 
-/// Refuses boxes that end outside the image as width and height, but fit as corners.
+/// Refuses boxes if some end outside the image when read as corner and size, but all fit when read as two corners.
 fn check_corners(
     rows: &[[f64; 4]],
     [width, height]: [f64; 2],

@@ -18,7 +18,7 @@ pub type RowName<'a> = &'a dyn Fn(usize) -> String;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum BadRows {
-    /// The run stops and writes nothing
+    /// The run stops, and no output file is written
     Fail,
     /// The row gets a status: missing if it is incomplete or has no number, no-calibration if it has no time
     Status,

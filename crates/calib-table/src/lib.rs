@@ -2,7 +2,7 @@
 //! row is mapped by the calibration of its camera that is valid at its time.
 //!
 //! `calib project` and Python's `Site.project` call this crate between reading and writing. [`Calibrations`]
-//! holds the calibrations of a site. A [`Mapping`] selects the columns and adds the results to every batch.
+//! contains the calibrations of a site. A [`Mapping`] selects the columns and adds the results to every batch.
 //!
 //! Files, in the order of the data:
 //! - `cast`, `json_text`: conversion of Arrow and JSON columns to numbers and text

@@ -1,8 +1,8 @@
 //! Mapping of a table and its output columns.
 //!
 //! For a site with planes other than the floor, the output also contains the plane and the height of each
-//! point. Standard deviations are added in two parts: one of the pixel and one of the calibration. The latter
-//! is common to all detections of a camera and must not be averaged away.
+//! point. Standard deviations are added in two parts: one of the pixel and one of the calibration. The error of
+//! the calibration is common to all detections of a camera, so averaging them does not reduce it.
 
 use std::sync::Arc;
 
@@ -37,8 +37,8 @@ impl Sigmas {
     }
 
     /// Computes the uncertainty of the points at pixels of the image. `sigma` is the standard deviation of a
-    /// pixel of the stream. `covariance` returns the covariance of a row's point, for a standard deviation in
-    /// image pixels.
+    /// detection, in pixels of the stream. `covariance` returns the covariance of a row's point, for a standard
+    /// deviation in image pixels.
     pub(crate) fn from_pixels(
         calibration: &Calibration,
         [u, v]: [&[f64]; 2],
@@ -333,7 +333,7 @@ impl Mapping {
         if names == ["u", "v"] {
             return numbers(batch, names, expected, row_name, &self.bad);
         }
-        // The columns of boxes are not complete, so this names the missing ones.
+        // The columns of boxes are incomplete: `numbers` reports the missing ones.
         numbers(batch, ["x", "y", "w", "h"], expected, row_name, &self.bad).map(|[x, y, _, _]| [x, y])
     }
 

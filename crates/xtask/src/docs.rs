@@ -1,4 +1,4 @@
-//! `cargo xtask docs`: the guide, the API documentation, the schema and the page, as one folder.
+//! `cargo xtask docs`: the guide, the API documentation, the schema and the web app, as one folder.
 
 use std::path::Path;
 use std::process::Command;

@@ -159,7 +159,7 @@ enum Heavy {
         /// Evaluate automatic calibration from single images
         #[arg(long, conflicts_with = "real")]
         proposals: bool,
-        /// Evaluate camera motion measured between two images
+        /// Evaluate camera rotation and zoom measured between two images
         #[arg(long, conflicts_with_all = ["real", "proposals"])]
         compare: bool,
         /// Evaluate drift detection from observed people

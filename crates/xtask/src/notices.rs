@@ -11,7 +11,7 @@ use anyhow::bail;
 use crate::tools;
 use crate::workspace::root;
 
-/// Target of the page.
+/// Build target of the web app.
 const PAGE_TARGET: &str = "wasm32-unknown-unknown";
 
 /// Manifest of each program, the path of its notices, and its only target; `None` for all targets.

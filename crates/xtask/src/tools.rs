@@ -214,7 +214,7 @@ pub(crate) fn is_ready(tool: &Tool, install: bool) -> bool {
     is_installed
 }
 
-/// Whether a program in the workspace runs successfully.
+/// Whether a program runs successfully. A relative path starts at the root of the workspace.
 pub(crate) fn runs(program: &str, arguments: &[&str]) -> bool {
     let output = Command::new(root().join(program)).args(arguments).output();
     output.is_ok_and(|output| output.status.success())
@@ -236,7 +236,7 @@ fn has_library(library: &str) -> bool {
     Command::new("pkg-config").args(["--exists", library]).status().is_ok_and(|status| status.success())
 }
 
-/// Whether the search path contains a program with this name.
+/// Whether a program on the search path succeeds with `--version`.
 fn is_on_path(program: &str) -> bool {
     Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success())
 }

@@ -41,7 +41,7 @@ struct Stream {
     is_file: bool,
     /// Whether the last message was read.
     is_finished: bool,
-    /// Decoder of messages; it allocates memory for received bytes only, not for stated lengths.
+    /// Decoder of messages; it allocates memory for received bytes only, not for the stated length of a message.
     decoder: StreamDecoder,
     chunk: Buffer,
     /// First batch, which was decoded together with the schema.

@@ -25,7 +25,7 @@ use super::{
 use crate::files::print_message;
 use crate::stop::CommandError;
 
-/// Size of the text in a batch, in bytes.
+/// Size at which a batch ends, in bytes: its text, and [`CELL_BYTES`] for each cell.
 const BATCH_BYTES: usize = 16 << 20;
 
 struct Csv {
@@ -34,7 +34,7 @@ struct Csv {
     left: Rc<Cell<u64>>,
     /// Schema of the batches; all columns are text until the types are inferred.
     schema: SchemaRef,
-    /// Whether the types are not inferred yet.
+    /// Whether the types must still be inferred, from the first batch.
     needs_types: bool,
     /// Columns that stay text.
     as_text: Vec<String>,
@@ -332,8 +332,8 @@ impl<'a> Cells<'a> {
     }
 }
 
-/// Infers the type of a column from all its cells. Mixed types give text, and so do numbers that would be
-/// printed differently, such as ids with leading zeros.
+/// Infers the type of a column from all its cells. Columns with mixed types stay text. So do numbers with leading
+/// zeros, such as ids, and integers that exceed 64 bits.
 pub(super) fn infer_type(column: &ArrayRef) -> DataType {
     let values = || column.as_string::<i32>().iter().flatten();
     let is_whole = |value: &str| value.parse::<i64>().is_ok_and(|number| number.to_string() == value);

@@ -1,5 +1,5 @@
-//! Input file or pipe of a table, with decompression (gzip and Zstandard, recognised by their first bytes or
-//! by name). Panics of the table readers are reported as invalid input.
+//! Input file or pipe of a table, with decompression (gzip and Zstandard, recognised by their first bytes).
+//! Panics of the table readers are reported as invalid input.
 
 use std::cell::Cell;
 use std::fs::File;
@@ -266,7 +266,7 @@ impl Origin {
     }
 }
 
-/// Whether a path is a device, which has no definite length: a disk, a terminal, or a source of zeros.
+/// Whether a file is a character or block device, such as a terminal, a disk or a source of zeros.
 fn is_device(about: &std::fs::Metadata) -> bool {
     #[cfg(unix)]
     {

@@ -176,7 +176,7 @@ impl Format {
         input::open(self, input, purpose)
     }
 
-    /// Returns the format with a name that was checked before.
+    /// Returns the format with this name on the command line; fails for an unknown name.
     pub(crate) fn from_name(name: &str) -> Result<&'static Self, CommandError> {
         let found = FORMATS.iter().find(|format| format.name == name);
         found.ok_or_else(|| CommandError::Usage(format!("{name}: unknown table format")))

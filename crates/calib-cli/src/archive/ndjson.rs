@@ -25,7 +25,7 @@ use super::{
 };
 use crate::stop::CommandError;
 
-/// Size of the text in a batch, in bytes.
+/// Size at which a batch ends, in bytes: its text, and [`CELL_BYTES`] for each cell.
 const BATCH_BYTES: usize = 64 << 20;
 
 struct NdjsonSource {

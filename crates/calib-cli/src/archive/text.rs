@@ -2,7 +2,7 @@
 
 use std::io::{Cursor, Read};
 
-/// Number of bytes at the start of a table that show its encoding and separator.
+/// Maximum number of bytes at the start of a table that determine its encoding and separator.
 const HEAD_BYTES: usize = 1 << 16;
 
 /// Text of a CSV table in UTF-8.
@@ -95,7 +95,7 @@ pub(super) fn decimal_point(cell: &[u8]) -> Option<Vec<u8>> {
 struct Utf16<R> {
     from: R,
     unit: fn([u8; 2]) -> u16,
-    /// High surrogate that waits for its second half.
+    /// High surrogate at the end of the last part; its low surrogate is in the next part.
     high: Option<u16>,
     /// Converted bytes that are not read yet.
     ready: Vec<u8>,

@@ -20,8 +20,8 @@ pub struct CameraEstimate {
     /// Camera with the covariance of its estimated parameters.
     pub camera: Camera,
     /// Whether the pose is estimated: in the base system, or in the common system of a component that is not
-    /// located or oriented. Otherwise only orientation, focal length, lens and the height given by its own
-    /// annotations were refined, and position and yaw keep their input values.
+    /// located or oriented. Otherwise x, y and yaw keep their input values. Only roll, pitch, focal length,
+    /// lens, and the height that its own annotations determine were refined.
     pub is_connected: bool,
     /// Sum of the squared residuals, in standard deviations, of all cameras refined together with this one.
     pub chi2: f64,
@@ -68,8 +68,8 @@ pub struct BundleSummary {
     /// Cameras that are not adjusted because a shared landmark of their cluster is not visible from the
     /// initial poses.
     pub unsolved: Vec<usize>,
-    /// Landmarks that are not used because their triangulated position is not visible in one of the observing
-    /// cameras.
+    /// Landmarks that are not used: they cannot be triangulated, or their position is not visible in one of the
+    /// observing cameras.
     pub unobservable: Vec<usize>,
     /// Largest root mean square disagreement on the floor after initialisation, in metres, over camera pairs
     /// that share landmarks but no edge of the spanning tree. It is `None` without loops.
@@ -210,8 +210,8 @@ impl CameraEstimate {
     }
 }
 
-/// Returns the residuals of the annotations of every view, in standard deviations; the residuals of one
-/// annotation's parts are combined.
+/// Returns the residuals of the annotations of every view, in standard deviations. Several residuals of one
+/// annotation, as of an upright, are combined to their norm.
 fn annotation_residuals(refined: &Refined, views: usize) -> Vec<Vec<(Source, f64)>> {
     let mut own: Vec<Vec<(Source, f64)>> = vec![Vec::new(); views];
     for (kind, residual) in &refined.residuals {

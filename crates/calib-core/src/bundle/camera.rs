@@ -15,7 +15,8 @@ pub(crate) const CAMERA_PARAMS: usize = Covariance::SIZE;
 pub enum InitialPose {
     /// Unknown: initialised from landmarks placed by other cameras or control points.
     Unknown,
-    /// Approximate. The first such camera fixes the gauge of its component if no other information does.
+    /// Approximate. If no other information fixes the gauge of a component, one such camera fixes it: the one
+    /// with the most fixed coordinates, or the first of several.
     Approximate,
     /// Exact: position and yaw are not estimated.
     Fixed,
@@ -215,7 +216,7 @@ pub(crate) struct View<'a> {
     pub(crate) free: [bool; CAMERA_PARAMS],
     /// Index of the lens, including the focal length; views with the same index share the lens.
     pub(crate) lens: usize,
-    /// Annotations, for the constraints under another lens.
+    /// Annotations, from which the constraints under another lens are computed.
     pub(crate) annotations: &'a [Annotation],
     /// Constraints, priors and rejected annotations, under the initial lens.
     pub(crate) stage_1: Problem<'a>,
@@ -281,7 +282,8 @@ impl<'a> View<'a> {
 }
 
 impl View<'_> {
-    /// Returns the flags of the lens parameters that affect the residuals.
+    /// Returns a flag for every lens parameter: whether it is estimated, by itself or as one parameter with the
+    /// focal length of the camera.
     pub(crate) fn lens_parameters(&self) -> [bool; Lens::PARAMETERS] {
         std::array::from_fn(|k| {
             self.free[Covariance::LENS + k] || self.has_tied_focal && k == Lens::LENS_FOCAL

@@ -36,8 +36,8 @@ pub(crate) struct Initialization {
     pub(crate) components: Vec<Component>,
     /// Cameras that share too few landmarks with the other cameras of their component to be placed.
     pub(crate) unreached: Vec<usize>,
-    /// Landmarks that are switched off because their triangulated position is not visible in an observing
-    /// camera.
+    /// Landmarks that are switched off: they cannot be triangulated, or their position is not visible in an
+    /// observing camera.
     pub(crate) unobservable: Vec<usize>,
     /// Largest root mean square disagreement on the floor, in metres, between two cameras that close a loop;
     /// `None` without loops. Such cameras share landmarks, but no edge of the spanning tree.
@@ -106,8 +106,8 @@ fn distances_between(distances: &[DistanceMeasurement], landmarks: &[Landmark]) 
     distances.iter().map(used).collect()
 }
 
-/// Triangulates every landmark. Landmarks that are not visible in an observing camera are switched off, and
-/// their indices are returned.
+/// Triangulates every landmark. Switches off the landmarks that cannot be triangulated or are not visible in an
+/// observing camera, and returns their indices.
 fn triangulate_all(landmarks: &mut [Landmark], poses: &[Camera], has_pose: &[bool]) -> Vec<usize> {
     let mut unobservable = Vec::new();
     for (index, landmark) in landmarks.iter_mut().enumerate().filter(|(_, landmark)| !landmark.off) {

@@ -151,7 +151,8 @@ impl DistanceMeasurement {
 /// Residual of an observation, reprojected minus observed, in raw pixels, with its Jacobian.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ReprojectionError {
-    /// Reprojected minus observed coordinate, in raw pixels.
+    /// Reprojected minus observed coordinate, or signed distance of the observed pixel from a reprojected line,
+    /// in raw pixels.
     pub(crate) pixels: f64,
     /// Derivatives with respect to the camera's pose, log focal length and lens parameters.
     pub(crate) d_view: [f64; Covariance::SIZE],
@@ -325,7 +326,7 @@ fn point_errors(
 }
 
 impl Landmark {
-    /// Whether x and y of the landmark are fixed or have priors.
+    /// Whether x and y of the landmark are fixed or have priors. Always false for a line.
     pub(crate) fn is_measured(&self) -> bool {
         let is_known = |k: usize| !self.free[k] || self.priors.iter().any(|(prior, _)| *prior == k);
         !matches!(self.model, LandmarkModel::Line { .. }) && is_known(0) && is_known(1)

@@ -1,11 +1,11 @@
 //! Parameter blocks: the grouping of parameters into blocks, and their positions in the state.
 //!
 //! A camera has one block of pose, focal length and lens. The focal length and distortion that several cameras
-//! share have a separate block. Both kinds of blocks are kept in the reduced system. Directions and lengths of
-//! stage 1 are blocks of one parameter, and landmarks are blocks of up to three parameters. Blocks of
-//! directions, lengths and landmarks are coupled to few cameras and are eliminated (Schur complement). A landmark at
-//! the end of a measured distance is kept, because two eliminated blocks must not share a residual. Planes that views
-//! and landmarks share have blocks, too.
+//! share have a separate block. Both kinds of blocks are kept in the reduced system. The nuisance parameters of
+//! stage 1 form small blocks, for example a floor direction with its deviations, or a length. A landmark is a
+//! block of up to three parameters. Blocks of nuisance parameters and landmarks are coupled to few cameras and
+//! are eliminated (Schur complement). A landmark at the end of a measured distance is kept, because two
+//! eliminated blocks must not share a residual. A tilt and planes that several views share have kept blocks, too.
 
 use std::collections::HashSet;
 
@@ -46,11 +46,12 @@ pub(crate) struct ParameterLayout {
     pub(crate) blocks: BlockStructure,
     /// Positions of the camera parameters of every view.
     pub(crate) cameras: Vec<CameraLayout>,
-    /// Position of every nuisance parameter of stage 1 of every view; `None` if the parameter is not used.
+    /// Position of every nuisance parameter of stage 1 of every view. `None` if the parameter is not used, or
+    /// belongs to a shared plane.
     pub(crate) nuisances: Vec<Vec<Option<(usize, usize)>>>,
     /// Block of the free parameters of every landmark, in their order; `None` if no parameter is free.
     pub(crate) landmarks: Vec<Option<usize>>,
-    /// Block of every plane (height and slope); `None` if the plane is fixed or not shared.
+    /// Block of every plane (height and slope); `None` if the plane is fixed or not used.
     pub(crate) planes: Vec<Option<usize>>,
     /// Tilt of the floor that several views share; `None` if fewer than two views constrain it.
     pub(crate) tilt: Option<CommonTilt>,
@@ -179,7 +180,7 @@ impl LayoutBuilder {
     }
 
     /// Allocates the blocks of the used nuisance parameters of a view, with the layout of the single-camera
-    /// fit. Shared tilt and planes refer to their shared blocks.
+    /// fit. A shared tilt refers to its shared block. The parameters of shared planes have no position.
     fn nuisances(
         &mut self,
         view: &View,

@@ -24,7 +24,7 @@ pub(crate) struct BundleProblem<'a> {
     pub(crate) blocks: BlockStructure,
     pub(crate) camera_layout: Vec<CameraLayout>,
     /// Position of every nuisance parameter of stage 1 of every view: its block, and its index in the block.
-    /// `None` if the parameter is not estimated.
+    /// `None` if the parameter is not estimated, or belongs to a shared plane.
     pub(crate) nuisance_layout: Vec<Vec<Option<(usize, usize)>>>,
     /// Block of the free parameters of every landmark; `None` if no parameter is free.
     landmark_blocks: Vec<Option<usize>>,

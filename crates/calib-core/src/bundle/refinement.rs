@@ -193,7 +193,7 @@ impl LandmarkNormal {
 /// Minimum number of landmarks for screening.
 const MIN_LANDMARKS_FOR_SCREENING: usize = 200;
 
-/// Refined cluster.
+/// Result of the refinement of one cluster of cameras.
 #[derive(Clone, Debug)]
 pub(crate) struct Refined {
     /// Cameras with the covariance of their estimated parameters.
@@ -207,7 +207,7 @@ pub(crate) struct Refined {
     pub(crate) rejected: Vec<OutlierCandidate>,
     /// Whether the chi-square is too large for the noise and no outlier explains it.
     pub(crate) is_misfit: bool,
-    /// Residuals, in standard deviations.
+    /// Kind and value of every residual; values in standard deviations.
     pub(crate) residuals: Vec<(ResidualKind, f64)>,
     /// Nuisance parameters of stage 1 (directions and lengths) of every view.
     pub(crate) nuisances: Vec<Vec<f64>>,
@@ -229,7 +229,7 @@ pub(crate) struct Refinement<'a> {
     pub(crate) copies: Copies,
     /// Planes other than the floor.
     pub(crate) planes: Vec<PlanePrior>,
-    /// Views whose noise was given. If it was given for all views, the chi-square is a test of the fit.
+    /// Flags of the views whose noise was given. If it was given for all, the chi-square is a test of the fit.
     pub(crate) noise_is_known: Vec<bool>,
     /// Whether the reliability of every annotation and observation is computed.
     pub(crate) with_reliability: bool,
@@ -336,7 +336,7 @@ impl Refinement<'_> {
         Some(Screened { rejected, converged, is_exhausted })
     }
 
-    /// Returns the views that have a weak prior on the focal length.
+    /// Returns a flag for every view: whether it has a weak prior on the focal length.
     fn has_weak_prior(&self) -> Vec<bool> {
         self.views.iter().map(|view| view.stage_1.priors.weak_log_focal.is_some()).collect()
     }
@@ -347,7 +347,7 @@ impl Refinement<'_> {
 
     /// Whether a candidate is an outlier. `with` is the minimum with the candidate, and `without` the minimum without
     /// it. The candidate is an outlier if it is significant against the scatter of the rest, or if its rejection
-    /// explains the misfit.
+    /// explains the misfit. If some noise is unknown, the second condition applies to the first rejection only.
     fn is_outlier(&self, with: &Converged, without: &Converged, is_first: bool) -> bool {
         let count = self.landmarks.len() + self.distances.len();
         let explains = !is_misfit(without.chi2, without.dof);
@@ -411,8 +411,8 @@ impl Refinement<'_> {
         }
     }
 
-    /// Returns the views whose focal length is poorly determined at a minimum without weak priors; `None`
-    /// without such views.
+    /// Returns a flag for every view: whether its focal length is poorly determined at a minimum without weak
+    /// priors. Returns `None` if no flag is set.
     fn undetermined_focals(&self, without_prior: &mut Converged) -> Option<Vec<bool>> {
         let has_weak_prior = self.has_weak_prior();
         if !has_weak_prior.contains(&true) {
@@ -463,8 +463,8 @@ impl Refinement<'_> {
         rejected: &[OutlierCandidate],
     ) -> Option<(OutlierCandidate, Converged<'_>)> {
         // Leave-one-out is exact and is used if it is cheap. A large network has enough redundancy to rank
-        // the candidates by residual. One of many landmarks moves the minimum too little to reach another
-        // one.
+        // the candidates by residual. The removal of one of many landmarks moves the minimum only slightly, so
+        // each minimisation starts from it.
         let max_tried = (4000 / converged.problem.blocks.unknowns().max(1)).clamp(1, 8);
         let from = (self.landmarks.len() >= MIN_LANDMARKS_FOR_SCREENING).then_some(converged);
         let tried = converged.worst_first().into_iter().take(max_tried).filter_map(|scored| {

@@ -39,18 +39,17 @@ pub struct Reliability {
     /// Redundancy number, from 0 to 1, of the error with the largest effect on floor positions. At 0, no other
     /// observation checks this one.
     pub redundancy: f64,
-    /// Largest root mean square move of the floor, in metres, by an error of this observation that is not
-    /// detected: for an annotation the floor of its camera, for a landmark the largest move of a camera that
-    /// observes it.
+    /// Largest root mean square displacement of the floor, in metres, by an undetected error of this observation.
+    /// For a landmark it is the maximum over the floors of all cameras that observe it.
     pub undetectable: f64,
 }
 
-/// Observation of a bundle problem.
+/// Annotation, or observation of a landmark, of a bundle problem.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Observed {
     /// Annotation of a view.
     Annotation { view: usize, source: Source },
-    /// Observation of a landmark: its index in the landmark.
+    /// Observation of a landmark, by its index in the landmark.
     Landmark { landmark: usize, observation: usize },
 }
 
@@ -113,8 +112,8 @@ struct Network<'a, 'b> {
     covariance: &'a BlockCovariance,
     /// Blocks of the covariance that are already computed.
     blocks: HashMap<[usize; 2], DMatrix<f64>>,
-    /// Matrix W of every view: the mean of `F'F` over points of the floor. F is the Jacobian of a floor point by the
-    /// camera parameters.
+    /// Matrix W of every view: the mean of `F'F` over points of the floor. F is the Jacobian of a floor point with
+    /// respect to the camera parameters.
     floors: Vec<DMatrix<f64>>,
 }
 
@@ -197,7 +196,7 @@ impl Network<'_, '_> {
 struct Undetected {
     /// Root mean square displacement of the floor, in metres.
     length: f64,
-    /// Redundancy number of the error in its direction.
+    /// Redundancy number of this error, from 0 to 1.
     redundancy: f64,
 }
 
@@ -212,7 +211,7 @@ impl Undetected {
         if !r.iter().chain(g).all(|value| value.is_finite()) {
             return None;
         }
-        // The second row of an observation with one row is checked, and moves nothing.
+        // An observation with one row gets a second row with redundancy 1 that does not move the floor.
         let entry = |matrix: &DMatrix<f64>, i: usize, j: usize| matrix.get((i, j)).copied();
         let r2 = Matrix2::from_fn(|i, j| entry(r, i, j).unwrap_or(if i == j { 1.0 } else { 0.0 }));
         let g2 = Matrix2::from_fn(|i, j| entry(g, i, j).unwrap_or(0.0));

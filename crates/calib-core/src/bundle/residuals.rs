@@ -115,8 +115,8 @@ impl CameraJacobian {
 }
 
 /// Residuals of stage 1. The tuple contains the value in standard deviations, the derivatives with respect to
-/// roll, pitch, log focal length and log height, the derivatives with respect to nuisance parameters, and the
-/// source.
+/// roll, pitch, log focal length and log height (the entries of the tilts are not used), the derivatives with
+/// respect to nuisance parameters, and the source.
 pub(crate) type Stage1Residuals = Vec<(f64, Gradient, NuisanceJacobian, Option<Source>)>;
 
 /// Returns all residuals of stage 1.

@@ -118,8 +118,8 @@ impl DisjointSets {
     }
 }
 
-/// Returns the connected components of the view graph, without cameras that share no landmark. The base
-/// system is a node: cameras that observe known positions are connected through it.
+/// Returns the connected components of the view graph, without isolated cameras. The base system is a node:
+/// cameras that observe known positions are connected through it.
 pub(crate) fn components(
     cameras: &[BundleCamera],
     landmarks: &[Landmark],
@@ -292,8 +292,8 @@ pub(crate) fn clusters(
 /// Landmark with its triangulated parameters.
 pub(crate) type TriangulatedLandmark = (Landmark, [f64; LANDMARK_PARAMS]);
 
-/// Estimates the pose of the camera with index `view` from triangulated landmarks. The height is `height`
-/// (metres) if given.
+/// Estimates the pose of the camera with index `view` from triangulated points, with a fixed `height` (metres)
+/// if given. If the points are not sufficient, points and floor lines are used, and `height` is ignored.
 pub(crate) fn attach(
     camera: &Camera,
     view: usize,
@@ -399,7 +399,8 @@ fn resect_from_points_and_lines(
     (scale > 1e-3).then_some(Camera { position, yaw: b.atan2(a), ..*camera })
 }
 
-/// Returns the coefficients of a, b, x0, y0 and the right-hand side of every equation.
+/// Returns the equations of [`resect_from_points_and_lines`], which defines a, b, x0 and y0. Each item contains
+/// the coefficients of these unknowns and the right-hand side.
 fn similarity_equations(
     camera: &Camera,
     view: usize,

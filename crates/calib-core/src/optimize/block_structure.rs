@@ -209,8 +209,8 @@ impl BlockStructure {
         }
     }
 
-    /// Adds a product to the matrix of the eliminated block with the index `e` and the kept block with the
-    /// index `i`.
+    /// Adds the outer product `weight rows columns'` to the matrix of the eliminated block `e` and the kept
+    /// block `i`. `rows` and `columns` are the derivatives with respect to these blocks.
     #[inline(always)]
     fn add_cross(
         &self,

@@ -37,8 +37,8 @@ pub(crate) trait Number:
     /// Whether the number type contains derivatives with respect to the parameters of stage 1.
     const HAS_GRADIENT: bool;
 
-    /// Creates a number from a value and its derivatives with respect to the parameters of stage 1. A plain
-    /// value ignores the derivatives.
+    /// Creates a number from a value and its derivatives with respect to the parameters of stage 1. A type
+    /// without these derivatives ignores them.
     fn new(value: f64, gradient: Gradient) -> Self;
     /// Returns the value without its derivatives.
     fn value(self) -> f64;
@@ -47,7 +47,7 @@ pub(crate) trait Number:
         [0.0; PARAMETERS]
     }
     /// Returns this number with its derivatives replaced by `gradient`. Returns it unchanged if its type
-    /// contains no derivatives.
+    /// contains no derivatives with respect to the parameters of stage 1.
     fn with_gradient(self, gradient: Gradient) -> Self {
         if Self::HAS_GRADIENT { Self::new(self.value(), gradient) } else { self }
     }

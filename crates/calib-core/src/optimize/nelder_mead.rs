@@ -4,8 +4,8 @@ use argmin::core::{CostFunction, Error, Executor};
 use argmin::solver::neldermead::NelderMead;
 use nalgebra::Vector2;
 
-/// Cost that replaces infinite and NaN costs, from which argmin would compute NaN. It is also the largest
-/// cost.
+/// Cost that replaces infinite and NaN costs, from which argmin would compute NaN. Larger finite costs are
+/// limited to it.
 const UNDEFINED_COST: f64 = 1e30;
 
 /// Vertex of the simplex: a point in two dimensions, with the three operations of the simplex method.

@@ -10,7 +10,7 @@
 //! [ C   D  ] [ z ] = [ b ]      D: eliminated blocks      b = -J_z' r
 //! ```
 //!
-//! D is block diagonal, and its blocks of up to three rows are inverted separately. Elimination of
+//! D is block diagonal, and its small blocks are inverted separately. Elimination of
 //! `z = D^-1 (b - C y)` gives the reduced system
 //!
 //! `(A - C' D^-1 C) y = a - C' D^-1 b`.

@@ -12,7 +12,7 @@ pub const MISFIT_SCORE: f64 = 2.326;
 const MIN_DOF: f64 = 0.5;
 
 /// Returns the standard normal score of a chi-square with `dof` degrees of freedom. Large scores are
-/// improbable. Returns 0 without degrees of freedom.
+/// improbable. Returns 0 for fewer than 0.5 degrees of freedom.
 #[must_use]
 pub fn chi2_score(chi2: f64, dof: f64) -> f64 {
     if dof < MIN_DOF {

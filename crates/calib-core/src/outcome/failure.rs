@@ -49,7 +49,7 @@ pub enum Failure {
     },
     /// The control points fit a camera only if the pixels of two of them are exchanged.
     ExchangedControlPoints {
-        /// Names of the two points.
+        /// Names of the two control points.
         points: [String; 2],
     },
     /// The control points fit only the mirror image of the scene.
@@ -61,9 +61,9 @@ pub enum Failure {
         /// Height of the camera above the floor, in metres.
         height: f64,
     },
-    /// No pitch and focal length have possible geometry for the lines.
+    /// The lines have no possible geometry at any pitch and focal length.
     NoPitchAndFocal,
-    /// No roll, pitch and focal length have possible geometry for the lines.
+    /// The lines have no possible geometry at any roll, pitch and focal length.
     NoOrientation,
     /// The constraints do not determine a parameter.
     Underdetermined {
@@ -72,9 +72,9 @@ pub enum Failure {
     },
     /// The camera that this one shares its lens with has no result.
     SharedLensFailed {
-        /// Id of that camera.
+        /// Id of the camera that owns the lens.
         camera: String,
-        /// Reason why that camera has no result.
+        /// Reason why the camera that owns the lens has no result.
         reason: Box<Self>,
     },
     /// The result is not finite, or exceeds the bounds of the site file.

@@ -153,7 +153,7 @@ pub enum Finding {
     LineOutlier {
         /// Line that was rejected.
         line: Source,
-        /// Residual of the line, in pixels; `None` if the line is above the horizon.
+        /// Residual of the line, in pixels; `None` without a prediction, for example above the horizon.
         px: Option<f64>,
         /// Entered length, and length according to the other lines, in metres; `None` for lines without length.
         lengths: Option<[f64; 2]>,
@@ -385,7 +385,7 @@ pub enum Finding {
     UncheckedLinks {
         /// Links and marks without redundancy.
         elements: Vec<Subject>,
-        /// Indices of the other cameras that observe them.
+        /// Indices of the other cameras that observe these links and marks.
         cameras: Vec<usize>,
     },
     /// Two control points fit if their pixels are exchanged.
@@ -421,20 +421,20 @@ pub enum Finding {
         /// Index of the control point in its camera.
         point: usize,
     },
-    /// A control point is far from its geographic coordinates, under the georeference from all of them.
+    /// A control point is far from its geographic coordinates, under the georeference from all control points.
     FarFromMap {
         /// Index of the camera.
         camera: usize,
         /// Index of the control point in its camera.
         point: usize,
-        /// Distance, in metres.
+        /// Distance between the control point and its geographic coordinates, in metres.
         distance: f64,
     },
     /// A camera is far from the point at which the floor touches the ellipsoid of the earth.
     LargeSite {
         /// Index of the camera.
         camera: usize,
-        /// Distance from the touching point, in metres.
+        /// Distance from the point at which the floor touches the ellipsoid, in metres.
         distance: f64,
         /// Height of the plane of the floor above the curved ground at the camera, in metres.
         drop: f64,

@@ -93,7 +93,8 @@ pub struct Residual {
     /// Id of a control point, link or mark.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub id: Option<String>,
-    /// Distance from the prediction, in pixels; signed by the side for lines and lengths.
+    /// Distance from the prediction, in pixels. For a line the sign gives the side. For a length it is negative
+    /// if the length is too short.
     pub px: f64,
     /// Whether the evidence was rejected as an outlier.
     pub outlier: bool,

@@ -236,8 +236,8 @@ impl Criterion {
         if self.verticals.is_empty() { 0.0 } else { sum / self.verticals.len() as f64 }
     }
 
-    /// Returns the mean `1 - |cos|` of the angles between parallels, by direction, plus the mean `|cos|`
-    /// between lines at right angles.
+    /// Returns the mean `1 - |cos|` of the angles between parallels, summed over all directions, plus the mean
+    /// `|cos|` between lines at right angles.
     fn directions(&self, sin: f64, cos: f64, focal: f64) -> f64 {
         let unit: Vec<[f64; 2]> = self
             .floor

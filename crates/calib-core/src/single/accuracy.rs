@@ -1,10 +1,10 @@
 //! Predicted relative error of lengths on the floor: one number for the accuracy of a calibration.
 //!
 //! A 5 x 5 grid of pixels in the EFOV is projected to the floor. [`FloorJacobian`] is a point in camera
-//! heights with its derivatives by roll, pitch and log focal length. The log length between two points has a
-//! gradient `g` by the parameters. With their covariance C its variance is `g' C g`. The result is the root
-//! of the mean over all pairs ([`floor_length_rel`]). After stage 2 the covariance of the placed camera is
-//! used, including height and lens ([`placed_floor_length_rel`]).
+//! heights with its derivatives with respect to roll, pitch and log focal length. The log length between two
+//! points has the gradient `g` with respect to the parameters. With their covariance C its variance is `g' C g`.
+//! The result is the root of the mean over all pairs ([`floor_length_rel`]). After stage 2 the covariance of the
+//! placed camera is used, including height and lens ([`placed_floor_length_rel`]).
 
 use crate::camera::{Camera, Covariance, FloorPoint, Lens, Pixel};
 use crate::single::residual::{LOG_FOCAL, PITCH, Parameters, ROLL};
@@ -80,8 +80,8 @@ pub(crate) fn floor_length_rel(
     length_rel(&points, |k, l| covariance[(k, l)], height_known)
 }
 
-/// Computes [`floor_length_rel`] from floor points in camera heights with their derivatives by `N` unknowns;
-/// the fourth unknown is the log height.
+/// Computes [`floor_length_rel`] from floor points in camera heights with their derivatives with respect to `N`
+/// unknowns; the fourth unknown is the log height.
 fn length_rel<const N: usize>(
     points: &[([f64; 2], [[f64; 2]; N])],
     covariance: impl Fn(usize, usize) -> f64,
@@ -184,13 +184,13 @@ fn placed_length_rel(camera: &Camera, grid: &Grid, height_known: bool) -> Option
     length_rel(&points, covariance, height_known)
 }
 
-/// Floor point in camera heights, with its derivatives by roll, pitch and log focal length.
+/// Floor point in camera heights, with its derivatives with respect to roll, pitch, log focal length and bearing.
 struct FloorJacobian {
     /// Floor point, in camera heights.
     at: [f64; 2],
-    /// Derivatives of the floor point by roll, pitch and log focal length.
+    /// Derivatives of the floor point with respect to roll, pitch and log focal length.
     by: [[f64; 2]; 3],
-    /// Derivatives of the floor point by the components x, y and w of the bearing.
+    /// Derivatives of the floor point with respect to the components x, y and w of the bearing.
     by_bearing: [[f64; 2]; 3],
 }
 
@@ -209,8 +209,8 @@ impl FloorJacobian {
             return None;
         }
         let at = [u / depth, ahead / depth];
-        // Derivative of a quotient: (dN - at dD) / D, with dN and dD by roll (du = -v, dv = u), pitch and log
-        // focal length.
+        // Derivative of a quotient N / D: (dN - at dD) / D. dN and dD are the derivatives with respect to roll
+        // (du = -v, dv = u), pitch and log focal length.
         let quotient = |du: f64, d_ahead: f64, d_depth: f64| {
             [(du - at[0] * d_depth) / depth, (d_ahead - at[1] * d_depth) / depth]
         };
@@ -219,7 +219,8 @@ impl FloorJacobian {
             quotient(0.0, -depth, ahead),
             quotient(0.0, cp * forward, sp * forward),
         ];
-        // The unrolled bearing rotates with the bearing: du = cos r, dv = sin r by x, and -sin r, cos r by y.
+        // The unrolled bearing rotates with the bearing. With the roll r, (du, dv) is (cos r, sin r) with respect
+        // to x, and (-sin r, cos r) with respect to y.
         let by_bearing = [
             quotient(cr, -sp * sr, cp * sr),
             quotient(-sr, -sp * cr, cp * cr),

@@ -106,7 +106,8 @@ fn orientation_information(information: &Matrix4<f64>) -> DMatrix<f64> {
     })
 }
 
-/// Returns the derivatives of a floor point by roll, pitch and log focal length, and its covariance.
+/// Returns the derivatives of a floor point with respect to roll, pitch and log focal length, and its covariance
+/// for pixels with the standard deviation `sigma`.
 fn jacobian(camera: &Camera, pixel: Pixel, sigma: f64) -> Option<(DMatrix<f64>, Matrix2<f64>)> {
     let by = camera.floor_jacobian(pixel)?;
     let columns =
@@ -302,8 +303,6 @@ pub fn suggest_lines(fit: &Fit, constraints: &Constraints, options: &FitOptions)
 /// Returns the suggestion to enter one length on the near floor, measured with a tape. `None` if the height is fixed
 /// or known about as precisely as from a tape, if a plan or other cameras give the scale, or if the near floor is not
 /// visible.
-///
-/// `None` if the height is fixed or known as precisely, and if a plan or other cameras give the scale.
 fn known_size(fit: &Fit, options: &FitOptions) -> Option<Candidate> {
     let sigma = fit.core_covariance[(LOG_HEIGHT, LOG_HEIGHT)].sqrt();
     let is_known = options.fixed.height.is_some() || fit.is_height_known && sigma < 2.0 * MEASURED_SIGMA_REL;
@@ -327,7 +326,8 @@ fn without(constraints: &Constraints, rejected: &[Source]) -> Constraints {
 }
 
 impl Constraints {
-    /// Adds the deviation of a new direction, with the scene's usual errors, if directions deviate.
+    /// Adds the deviation of a new direction, with the scene's errors, and returns its index. Returns `None` for
+    /// a vertical, and for a scene whose directions are exact.
     fn deviation_of(&mut self, direction: Direction) -> Option<usize> {
         let Direction::Floor { group, orthogonal } = direction else { return None };
         let SceneErrors { angle, .. } = self.scene;
@@ -479,8 +479,8 @@ fn vertical_at(fit: &Fit, [x, y]: [f64; 2], length: f64) -> Option<[[f64; 2]; 2]
     (norm > 1e-6).then(|| [[x, y], [x - length * dx / norm, y - length * dy / norm]])
 }
 
-/// Returns a floor segment centred at the floor point of an undistorted pixel relative to the principal
-/// point, `length` camera heights long.
+/// Returns a floor segment centred at the floor point of an undistorted pixel relative to the principal point.
+/// It is `length` camera heights long, at `azimuth` radians counter-clockwise from the camera's right.
 fn floor_at(fit: &Fit, [x, y]: [f64; 2], azimuth: f64, length: f64) -> Option<[[f64; 2]; 2]> {
     let camera = fit.camera;
     let centre = camera.lens.principal_point;

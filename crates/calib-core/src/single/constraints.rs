@@ -32,7 +32,7 @@ pub use crate::outcome::Source;
 
 /// End point of a segment with the covariance of its noise.
 ///
-/// The number type `E` is a plain value, or a value with its derivatives by the coefficients of the lens.
+/// The number type `E` is a plain value, or a value with its derivatives with respect to the lens parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Endpoint<E = f64> {
     /// Undistorted pixel relative to the principal point; for a wide lens, the point in a chart.
@@ -58,7 +58,7 @@ pub enum Direction {
 /// Segment whose direction in space is constrained.
 #[derive(Clone, Copy, Debug)]
 pub struct LineConstraint<E = f64> {
-    /// Chart of the ends, for a wide lens; `None` for undistorted pixels.
+    /// Chart (virtual pinhole view) of the ends, for a wide lens; `None` for undistorted pixels.
     pub chart: Option<Chart>,
     /// The two ends. A polyline of three or more points is replaced by two points with equal first and second
     /// moments.
@@ -74,7 +74,7 @@ pub struct LineConstraint<E = f64> {
 /// Floor segment whose length is known, or equal to the length of others.
 #[derive(Clone, Copy, Debug)]
 pub struct LengthConstraint<E = f64> {
-    /// Chart of the ends, for a wide lens; `None` for undistorted pixels.
+    /// Chart (virtual pinhole view) of the ends, for a wide lens; `None` for undistorted pixels.
     pub chart: Option<Chart>,
     /// First and last point.
     pub ends: [Endpoint<E>; 2],
@@ -95,7 +95,7 @@ pub struct LengthConstraint<E = f64> {
 /// Vertical object of known height on the floor: a person or a post.
 #[derive(Clone, Copy, Debug)]
 pub struct UprightConstraint<E = f64> {
-    /// Chart of foot and head, for a wide lens; `None` for undistorted pixels.
+    /// Chart (virtual pinhole view) of foot and head, for a wide lens; `None` for undistorted pixels.
     pub chart: Option<Chart>,
     /// Foot, on the floor.
     pub foot: Endpoint<E>,

@@ -69,8 +69,7 @@ pub struct FitOptions<'a> {
     pub keep: &'a [usize],
     /// Whether other cameras see the same floor, so that links may be suggested.
     pub has_neighbours: bool,
-    /// Whether the scale is unknown from the plan and from other cameras, so that a known size may be
-    /// suggested.
+    /// Whether neither the plan nor another camera determines the scale, so that a known size may be suggested.
     pub is_scale_unknown: bool,
 }
 
@@ -125,7 +124,7 @@ pub struct Fit {
     /// Standard deviation of a drawn coordinate, in pixels: as given, or estimated from the residuals.
     pub sigma: f64,
     /// Predicted relative standard deviation of lengths on the floor; `None` if no floor is visible in the
-    /// EFOV.
+    /// EFOV, or if the covariance is unknown.
     pub floor_length_rel: Option<f64>,
     /// Residual of every constraint, including outliers, in pixels.
     pub residuals: Vec<(Source, f64)>,

@@ -33,7 +33,8 @@ use crate::single::straightness::{
 
 /// Standard deviation of k1 of the Brown-Conrady model, with coordinates in units of half the image diagonal.
 pub(crate) const K1_SIGMA: f64 = 0.2;
-/// Standard deviation of k2. The expected value is the square of k1 if k1 is negative, and otherwise 0.
+/// Standard deviation of the prior on k2, in the coordinates of [`K1_SIGMA`]. The expected value is the square of
+/// k1 if k1 is negative, and otherwise 0.
 pub(crate) const K2_SIGMA: f64 = 0.1;
 /// Standard deviation of the prior on k3, in the coordinates of [`K1_SIGMA`].
 const K3_SIGMA: f64 = 0.1;
@@ -51,13 +52,13 @@ const FISHEYE_SIGMAS: [f64; 4] = [0.07, 0.03, 0.01, 0.003];
 /// edges there.
 const FISHEYE_LOG_SLOPE_SIGMA: f64 = 0.6;
 
-/// Residual of a prior on a lens, `(value - expected) / sigma`, with its derivatives by the parameters of the
-/// lens.
+/// Residual of a prior on a lens, `(value - expected) / sigma`, with its derivatives with respect to the
+/// parameters of the lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct LensResidual {
     /// Residual, in standard deviations.
     pub(crate) value: f64,
-    /// Derivatives of the residual by the parameters of the lens.
+    /// Derivatives of the residual with respect to the parameters of the lens.
     pub(crate) by: [f64; Lens::PARAMETERS],
     /// Standard deviation of the prior, in the unit of the parameter; 1 for the prior on the slope.
     pub(crate) sigma: f64,
@@ -299,8 +300,8 @@ impl LensProblem<'_> {
         hardly_bent.into_iter().filter(says_nothing).collect()
     }
 
-    /// Returns the pixels at which errors of the lens are reported: halfway to the end of the longer image axis, at that
-    /// end, and in the corner.
+    /// Returns the pixels at which errors of the lens are reported: halfway to the end of the longer image axis,
+    /// at that end, and in the corner.
     ///
     /// For a fisheye the image circle replaces the border. Without a known circle its radius is assumed to be
     /// half the longer side.
@@ -387,8 +388,8 @@ impl LensProblem<'_> {
     }
 }
 
-/// Returns the derivatives of the undistorted position of a pixel by the parameters of a lens; for a wide
-/// lens, in the chart around the pixel.
+/// Returns the derivatives of the undistorted position of a pixel with respect to the parameters of a lens; for
+/// a wide lens, in the chart around the pixel.
 ///
 /// Outside the lens, the nearest valid pixel toward the principal point is used.
 pub(super) fn undistorted_by_parameters(lens: &Lens, place: Pixel) -> Option<ByParameters> {

@@ -6,10 +6,11 @@
 //! own errors ([`Nuisances`]). A residual depends on the core parameters and on few nuisance parameters of
 //! one block, so the normal equations have the shape of an arrow (`optimize/arrow.rs`).
 //!
-//! All residuals are divided by the standard deviation of a drawn coordinate. Their sum of squares is minus
-//! twice the log likelihood, up to a constant. The residuals of lines are exact, with the true line
-//! eliminated. The residuals of lengths have Sampson's form `(log length - log L) / |grad log length|`.
-//! `log L` is the nuisance parameter of the group, or the known length in camera heights (see `residual.rs`).
+//! The residuals of annotations are divided by the standard deviation of a drawn coordinate, and the residuals
+//! of priors by the standard deviation of the prior. The sum of squares is minus twice the log likelihood, up to
+//! a constant. The residuals of lines are exact, with the true line eliminated. The residuals of lengths have
+//! Sampson's form `(log length - log L) / |grad log length|`. `log L` is the nuisance parameter of the group,
+//! or the log of the known length in camera heights (see `size_residual.rs`).
 
 use crate::optimize::{
     Dual, Gradient, LeastSquares, Normal, NuisanceJacobian, Number, NumberOver, Uncertainty,
@@ -294,8 +295,8 @@ impl<'a, E: Number> Problem<'a, E> {
         self.constraints.uprights.iter().filter(|upright| self.is_used(upright.source))
     }
 
-    /// Calls `sink` with every residual in standard deviations, its derivatives by nuisance parameters (if
-    /// derivatives are requested), and its source.
+    /// Calls `sink` with every residual in standard deviations, its derivatives with respect to nuisance
+    /// parameters (if derivatives are requested), and its source.
     ///
     /// `None` if the geometry is impossible: a length above the horizon, or an unrealistic focal length.
     pub(crate) fn each_residual<N: NumberOver<E>>(

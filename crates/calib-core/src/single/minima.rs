@@ -341,7 +341,7 @@ pub(crate) struct Solutions {
     pub(crate) weak_prior: Option<WeakPrior>,
 }
 
-/// Weak prior in the solve, with the minima without it.
+/// Weak prior on the focal length that was added to the cost, with the minima without it.
 #[derive(Clone, Debug)]
 pub(crate) struct WeakPrior {
     /// Prior in the cost. The cost is in units of the assumed noise, so for larger noise the sigma is reduced

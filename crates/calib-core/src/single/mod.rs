@@ -20,7 +20,7 @@
 //!   uprights;
 //! - `prediction`: residuals of constraints under fixed cameras, and the predicted gain of leaving one out;
 //! - `accuracy`: covariance propagated to **the relative error of floor lengths**;
-//! - `plausibility`: prior that cameras are upright and see the floor;
+//! - `plausibility`: prior that cameras are upright and look down;
 //! - `fit`: entry point; [`Fit::new`] runs the whole estimate;
 //! - `p3p`, `point_fit`, `point_lens`: pose, focal length and lens from control points alone;
 //! - `slope`: dependence of floor lengths on the slope of the ground;

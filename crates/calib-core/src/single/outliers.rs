@@ -120,7 +120,7 @@ pub fn is_inconsistent(chi2: f64, dof: i64) -> bool {
 /// Annotation noise as estimated from the residuals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Noise {
-    /// Factor of the assumed variance.
+    /// Factor by which the assumed variance of a drawn coordinate is multiplied.
     pub(crate) inflation: f64,
     /// Degrees of freedom of the estimate; `None` if the noise is assumed.
     pub(crate) dof: Option<i64>,
@@ -241,7 +241,7 @@ const MIN_RUNNER_UP_CHI2_DIFFERENCE: f64 = 2.0;
 /// Constraint whose rejection gives the smallest chi-square score of the rest.
 struct Outlier {
     source: Source,
-    /// Chi-square of the rest.
+    /// Chi-square of the other constraints after this rejection.
     chi2: f64,
     /// Chi-square if the second-best candidate is rejected instead; infinite if there is only one candidate.
     runner_up: f64,

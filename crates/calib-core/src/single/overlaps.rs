@@ -156,7 +156,7 @@ impl<'a> Overlaps<'a> {
 /// Length of the overlap with the polyline at every location, in pixels. Most lengths are zero, so the indices of the
 /// others are listed.
 struct Lengths {
-    /// Length at every location.
+    /// Length of the overlap at every location, in pixels.
     by_place: Vec<f64>,
     /// Indices of the locations with a non-zero length.
     known: Vec<usize>,
@@ -242,7 +242,7 @@ impl WeightedTally {
 
 /// Segment of a polyline at a location.
 struct Piece {
-    /// Index of the location.
+    /// Index of the location in [`Overlaps::places`].
     place: usize,
     ends: [[f64; 2]; 2],
     /// Angle of the segment, in radians, in [0, pi).

@@ -10,7 +10,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-/// Pose of a camera: `in_camera = rotation (world - centre)`.
+/// Pose of a camera: it maps a point from world axes to camera axes by `in_camera = rotation (world - centre)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pose {
     /// Rows right, down, forward in world axes.

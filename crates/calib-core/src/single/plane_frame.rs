@@ -18,18 +18,19 @@ use crate::single::residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, Parameters, ROLL, TI
 /// Pose of a camera relative to a plane.
 #[derive(Clone, Debug)]
 pub(crate) struct PlaneFrame {
-    /// Roll, pitch, log focal length, and log distance from the plane.
+    /// Roll, pitch, log focal length, and log of the perpendicular distance from the plane.
     pub(crate) parameters: Parameters,
-    /// The same parameters with the log of the distance along the verticals.
+    /// Roll, pitch, log focal length, and log of the distance from the plane along the verticals.
     pub(crate) along_verticals: Parameters,
     /// Lean of the verticals relative to the normal of the plane: to the right, and away from the camera, in
     /// radians.
     pub(crate) tilt: Tilt,
-    /// Derivatives of roll, pitch, both log distances and both leans, by the columns from [`PITCH_SLOT`].
+    /// Rows: derivatives of roll, pitch, both log distances and both leans. Columns: with respect to the pitch of
+    /// the camera, both tilts of the floor, and both slopes of the plane ([`PITCH_SLOT`] and following).
     by: [Gradient; 6],
-    /// Derivative of both log distances by the log height of the camera.
+    /// Derivative of both log distances with respect to the log height of the camera.
     by_log_height: f64,
-    /// Derivative of both log distances by the height of the plane under the camera.
+    /// Derivative of both log distances with respect to the height of the plane under the camera.
     by_foot: f64,
 }
 
@@ -44,11 +45,11 @@ const VERTICAL_ROW: usize = 3;
 /// Rows of both leans of the verticals in [`PlaneFrame::by`].
 const LEAN_ROWS: [usize; 2] = [4, 5];
 
-/// Column of the derivatives by the pitch of the camera.
+/// Column of the derivatives with respect to the pitch of the camera.
 const PITCH_SLOT: usize = 0;
-/// Columns of the derivatives by both tilts of the floor.
+/// Columns of the derivatives with respect to both tilts of the floor.
 const TILT_SLOTS: [usize; 2] = [1, 2];
-/// Columns of the derivatives by both slopes of the plane.
+/// Columns of the derivatives with respect to both slopes of the plane.
 const SLOPE_SLOTS: [usize; 2] = [3, 4];
 
 /// Reference direction of the distance from a plane.
@@ -56,7 +57,7 @@ const SLOPE_SLOTS: [usize; 2] = [3, 4];
 pub(crate) enum DistanceKind {
     /// Distance perpendicular to the plane, for annotations in the plane.
     OnPlane,
-    /// Distance along the verticals.
+    /// Distance along the verticals, for uprights on the plane.
     Upright,
 }
 

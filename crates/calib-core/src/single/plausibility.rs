@@ -5,8 +5,8 @@
 //! heads distinguish them; parallel lines do not. So among minima with equal fit the more plausible one is
 //! chosen. A minimum that is much less plausible is not a solution.
 //!
-//! The prior does not use the visible floor. A camera at eye level that looks up slightly shows almost no
-//! floor, but its twin shows much floor.
+//! The prior uses the floor only if a field of view is annotated. A camera at eye level that looks up slightly
+//! shows almost no floor, but its twin shows much floor.
 
 use std::f64::consts::{FRAC_PI_6, FRAC_PI_8, PI, TAU};
 

@@ -52,26 +52,27 @@ pub struct PointFit {
     pub chi2: f64,
     /// Number of residuals of the inliers and priors, minus the number of parameters.
     pub dof: i64,
-    /// Cauchy's loss of all points and of the priors: `sum of ln(1 + e^2 / s^2)`, where s is three standard
-    /// deviations.
+    /// Cauchy's loss of all points and priors, `sum of ln(1 + e^2 / s^2)`, plus a small cost of an unusual focal
+    /// length. The scale s is three standard deviations for points, and one for priors.
     pub loss: f64,
     /// Indices of the points that contradict the others.
     pub outliers: Vec<usize>,
     /// Standard deviation of the log focal length from points and priors; `None` if the focal length is
     /// fixed.
     pub log_focal_sigma: Option<f64>,
-    /// Other cameras with the same inliers, or fewer outliers, that the chi-square does not rule out.
+    /// Other cameras that the chi-square does not rule out. They have at most as many outliers as the camera with
+    /// the least loss.
     pub alternatives: Vec<Camera>,
 }
 
-/// Indices in the state, in the order of [`Covariance`].
+/// Index of the height in the state, which is in the order of [`Covariance`]. The other indices follow.
 const Z: usize = Covariance::Z;
 const PITCH: usize = Covariance::PITCH;
 const ROLL: usize = Covariance::ROLL;
 const LOG_FOCAL: usize = POSE_PARAMS - 1;
 
 type State = [f64; POSE_PARAMS];
-/// Matrix over the parameters, row by row.
+/// Square matrix with a row and a column for every parameter of the state, stored row by row.
 type Square = [f64; POSE_PARAMS * POSE_PARAMS];
 type Column = [f64; POSE_PARAMS];
 
@@ -80,7 +81,7 @@ type Column = [f64; POSE_PARAMS];
 struct Minimum {
     camera: Camera,
     cost: f64,
-    /// Cauchy's loss of all points.
+    /// Loss of the camera, as in [`PointFit::loss`].
     loss: f64,
     outliers: Vec<usize>,
     dof: i64,
@@ -146,13 +147,13 @@ fn is_same(a: &Camera, b: &Camera) -> bool {
     distance < 1e-3 * (1.0 + p.z.abs()) && turn.sqrt() < 1e-3 && (a.focal / b.focal).ln().abs() < 1e-3
 }
 
-/// Least-squares problem with weights.
+/// Weighted least-squares problem: reprojection errors of the control points, and priors.
 struct Problem<'a> {
     points: &'a [ControlPoint],
     observed: Vec<Option<ObservedPixel>>,
     options: &'a PointFitOptions<'a>,
     free: [bool; POSE_PARAMS],
-    /// Weights of the squared errors, in square pixels to the power of -1.
+    /// Weights of the squared errors of the points, in 1 / px^2.
     weights: Vec<f64>,
     weak_log_focal: Option<Prior>,
 }
@@ -259,8 +260,8 @@ impl<'a> Problem<'a> {
         error / (3.0 * self.sigma(camera, index))
     }
 
-    /// Returns the standard deviation of a coordinate of a reprojection error, in raw pixels: of the pixel,
-    /// and of the position of the point at its distance.
+    /// Returns the standard deviation of a coordinate of a reprojection error, in raw pixels. It combines the
+    /// noise of the pixel and the uncertainty of the position of the point, seen from its distance.
     fn sigma(&self, camera: &Camera, index: usize) -> f64 {
         let of_position = self.options.position_sigmas.get(index).map_or(0.0, |sigma| {
             sigma * camera.focal / camera.position.distance(self.points[index].world).max(1e-3)
@@ -268,12 +269,12 @@ impl<'a> Problem<'a> {
         self.options.sigma.hypot(of_position)
     }
 
-    /// Returns Cauchy's loss of all points, and the priors.
+    /// Returns Cauchy's loss of all points and priors, plus a small cost of an unusual focal length.
     fn loss(&self, camera: &Camera) -> f64 {
         self.loss_below(camera, f64::INFINITY).unwrap_or(f64::INFINITY)
     }
 
-    /// Returns Cauchy's loss of all points, and the priors; `None` if it is not below `limit`.
+    /// Returns the loss of [`Self::loss`]; `None` if it is not below `limit`.
     fn loss_below(&self, camera: &Camera, limit: f64) -> Option<f64> {
         /// Loss of a point that the camera does not show: an error of a million scales.
         const HIDDEN: f64 = 28.0;
@@ -440,7 +441,8 @@ impl<'a> Problem<'a> {
         (is_finite && (0..POSE_PARAMS).all(is_determined)).then_some(square)
     }
 
-    /// Returns the most plausible of the minima with the least loss.
+    /// Returns the fit of the most plausible minimum. The candidates are the minimum with the least loss, and the
+    /// minima that have no more outliers and that the chi-square does not rule out.
     fn choose(&self, mut minima: Vec<Minimum>) -> Option<PointFit> {
         minima.sort_by(|a, b| a.loss.total_cmp(&b.loss));
         let best = minima.first()?.clone();

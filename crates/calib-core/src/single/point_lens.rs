@@ -7,7 +7,7 @@
 //!
 //! is searched before points are rejected, with coordinates divided by half the image diagonal. The criterion
 //! is Cauchy's loss of all points, see [`PointFit`], and of k1 and k2 by the priors of a lens fit: k2 is
-//! expected at `min(k1, 0)^2`. An error e adds about `e^2 / 9` to the loss, in standard deviations.
+//! expected at `min(k1, 0)^2`. An error of e standard deviations adds about `e^2 / 9` to the loss.
 //!
 //! 1. A grid of k1, with k2 at its expected value, and a complete search for the camera at each lens.
 //! 2. Golden-section searches from the best lens, alternately along k1 and along a direction that changes the

@@ -67,14 +67,14 @@ pub(crate) const TILT: usize = 4;
 pub(crate) struct VanishingPoint {
     /// Homogeneous coordinates, relative to the principal point.
     pub(crate) at: [f64; 3],
-    /// Derivatives of the coordinates by the roll.
+    /// Derivatives of the coordinates with respect to the roll.
     pub(crate) d_roll: [f64; 3],
-    /// Derivatives of the coordinates by the pitch.
+    /// Derivatives of the coordinates with respect to the pitch.
     pub(crate) d_pitch: [f64; 3],
-    /// Derivatives of the coordinates by the log focal length.
+    /// Derivatives of the coordinates with respect to the log focal length.
     pub(crate) d_log_focal: [f64; 3],
-    /// Derivatives by two further parameters: angle and elevation of a floor direction, or the two tilts for
-    /// the nadir.
+    /// Derivatives with respect to two further parameters: angle and elevation of a floor direction, or the two
+    /// tilts for the nadir.
     pub(crate) d_own: [[f64; 3]; 2],
 }
 
@@ -90,7 +90,7 @@ impl VanishingPoint {
     }
 }
 
-/// Sines, cosines and focal length of a camera, from which vanishing points are computed.
+/// Sines and cosines of roll and pitch, and focal length of a camera. Vanishing points are computed from them.
 pub(crate) struct Angles {
     roll: (f64, f64),
     pitch: (f64, f64),
@@ -127,7 +127,7 @@ impl Angles {
 
     /// Returns the vanishing point of a direction in unrolled camera axes, with its derivatives.
     ///
-    /// `d_own` are the derivatives of the direction by its own two parameters.
+    /// `d_own` are the derivatives of the direction with respect to its own two parameters.
     fn vanishing(&self, direction: [f64; 3], d_pitch: [f64; 3], d_own: [[f64; 3]; 2]) -> VanishingPoint {
         let ((sr, cr), f) = (self.roll, self.focal);
         let image = |[x, y, w]: [f64; 3]| [f * (cr * x + sr * y), f * (cr * y - sr * x), w];
@@ -145,8 +145,8 @@ impl Angles {
 /// Residual of a line: smallest movement of the segment's ends, in pixels, that makes the line pass through
 /// the vanishing point V; signed.
 ///
-/// The weights are 1 without distortion. The terms of the formula in the module documentation are stored for
-/// the derivative.
+/// Without distortion, the weights are 1 for a segment of two points that is annotated once. The terms of the
+/// formula in the module documentation are stored for the derivative.
 pub(crate) struct LineResidual<E = f64> {
     /// Residual r, in pixels.
     pub(crate) pixels: E,
@@ -203,7 +203,7 @@ impl<E: Number> LineResidual<E> {
         }
     }
 
-    /// Returns the derivative of the residual by V.
+    /// Returns the derivative of the residual with respect to V.
     #[inline]
     pub(crate) fn d_point(&self) -> [f64; 3] {
         let v = self.v;

@@ -18,7 +18,7 @@
 //! hand-drawn lines (NYU-VP, Kluger et al. 2020). The objective is the sum of
 //! [`Fit::restricted_log_likelihood`](crate::Fit::restricted_log_likelihood) with the annotation noise free.
 //! The estimates are 0.82 px of noise, 0.9 degrees for a right angle, and 0.45 degrees for floor tilt and
-//! level together. Rooms do not separate the last two: 0.3 and 0.3 are equally likely. Outdoors, slopes of 1
+//! level together. Rooms do not separate the last two: 0.3 degrees for each is equally likely. Outdoors, slopes of 1
 //! to 2 % are usual for drainage. The default of 0.5 degrees is a compromise between rooms and outdoors. The
 //! site file can override it (`scene`).
 //!

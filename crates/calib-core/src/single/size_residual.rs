@@ -17,8 +17,8 @@ use crate::optimize::{Number, NumberOver};
 use crate::single::constraints::{Endpoint, UprightConstraint};
 use crate::single::residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, Parameters, ROLL, TILT, Tilt};
 
-/// Terms that all lengths and uprights share: sines, cosines, focal length and height, with their
-/// derivatives.
+/// Terms that all lengths and uprights share, with their derivatives: sines and cosines of roll and pitch, focal
+/// length, inverse height, and tilt.
 pub(crate) struct CameraTerms<N> {
     roll: (N, N),
     pitch: (N, N),
@@ -74,7 +74,8 @@ pub(crate) fn floor_length<E: Number, N: NumberOver<E>>(
         return None;
     }
     let per_square = one / square;
-    // Variance from the derivatives of the log length by (u, v) of one end, rotated back into image axes.
+    // Variance from the derivatives of the log length with respect to (u, v) of one end, rotated back into
+    // image axes.
     let variance = |(u, per_depth, _, _): (N, N, N, N), end: &Endpoint<E>| {
         let share = per_square * per_depth;
         let across = dx * share;
@@ -126,7 +127,7 @@ pub(crate) fn upright_residuals<E: Number, N: NumberOver<E>>(
 /// Returns the log of the determinant of the covariance of a predicted head, in units of `sigma`.
 ///
 /// This term is a part of the log likelihood, because the uncertainty of the predicted head depends on the pose. It
-/// is unlimited for a camera at the height of the heads.
+/// grows without bound as the camera approaches the height of the heads.
 pub(crate) fn upright_log_determinant<E: Number, N: NumberOver<E>>(
     at: &CameraTerms<N>,
     upright: &UprightConstraint<E>,
@@ -158,7 +159,7 @@ fn upright_difference<E: Number, N: NumberOver<E>>(
     }
     let (across, down) = (u + k * right, v - k * up_y);
     let (a, b) = (f * across / divisor, f * down / divisor);
-    // Derivatives of the unrolled head by the unrolled foot and by the height.
+    // Derivatives of the unrolled head with respect to the unrolled foot and the height.
     let k_by_v = cp * per_height * upright.height.value;
     let divide = divisor * divisor;
     let a_by_u = f / divisor;

@@ -38,7 +38,7 @@ impl<E: Number> Problem<'_, E> {
     }
 
     /// Returns the residual of one length on the floor of a camera with these parameters, and its derivative
-    /// by the log length of its group.
+    /// with respect to the log length of its group.
     #[inline]
     fn length<N: NumberOver<E>>(
         &self,

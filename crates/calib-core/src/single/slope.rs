@@ -11,7 +11,7 @@ use crate::single::fit::{Fit, FitOptions};
 /// Slope of steep ground: rise divided by distance. Design guides allow 6 % on main roads and ramps of yards.
 pub const STEEP_GRADE: f64 = 0.06;
 
-/// Smallest error of floor lengths by the slope alone that is reported.
+/// Smallest relative error of floor lengths, due to the slope alone, that is reported.
 pub const MIN_SLOPE_EFFECT_REL: f64 = 0.05;
 
 /// Returns a finding if floor lengths depend on the slope of the ground. `sloping` are the constraints of the

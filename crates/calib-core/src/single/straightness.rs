@@ -1,5 +1,5 @@
 //! Residuals of the plumb-line method: distances of undistorted points from a straight line, in raw pixels,
-//! with their Jacobian by the distortion coefficients.
+//! with their Jacobian with respect to the distortion coefficients.
 //!
 //! The residual of a point is `(n . u - c) / |J' n|`. It is the distance of the undistorted point u from the
 //! line `n . x = c`, divided by the noise magnification across the line. J is the Jacobian of the
@@ -146,9 +146,10 @@ impl UndistortedPolyline {
         self.points.iter().zip(&self.weights[2]).map(distance).collect()
     }
 
-    /// Returns the derivatives of the distances by a coefficient, by the chain rule through the three fits.
+    /// Returns the derivatives of the distances with respect to a coefficient, by the chain rule through the
+    /// three fits.
     ///
-    /// `changes` are the derivatives of the points and their Jacobians by that coefficient.
+    /// `changes` are the derivatives of the points and their Jacobians with respect to that coefficient.
     fn jacobian_column(&self, changes: &[ByCoefficient]) -> Vec<f64> {
         let mut d_weights = vec![0.0; self.points.len()];
         let mut d_line = ([0.0; 2], 0.0);

@@ -133,7 +133,7 @@ fn flags(packages: &mut Command) -> anyhow::Result<String> {
     Ok(String::from_utf8(found.stdout)?)
 }
 
-/// Compiles a test with the shared library, which brings its own system dependencies.
+/// Compiles a test with the shared library, which is already linked to its system libraries.
 fn compile(built: &Path, source: &str, to: &Path) -> anyhow::Result<()> {
     let (compiler, standard) =
         if source.ends_with(".c") { ("cc", "-std=c11") } else { ("c++", "-std=c++17") };

@@ -100,7 +100,7 @@ fn solved(site: &Site) -> Site {
     site.calibrate(&Options::default()).write_into(site)
 }
 
-/// Returns the site without the entered principal points, as if nobody knew them.
+/// Returns the site without the entered principal points, so that they are unknown.
 fn without_principal_points(site: &Site) -> Site {
     let mut unknown = site.clone();
     for lens in unknown.cameras.iter_mut().filter_map(|camera| camera.lens.as_mut()) {

@@ -1,5 +1,5 @@
-//! Images of the demonstration that are served with the page. They are rendered at build time, because a
-//! browser needs a minute for it.
+//! Images of the demonstration that are served with the page. They are rendered at build time, because
+//! rendering takes a minute in a browser.
 
 use image::RgbImage;
 use image::codecs::jpeg::JpegEncoder;

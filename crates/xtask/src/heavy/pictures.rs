@@ -15,9 +15,9 @@ use crate::heavy::browser;
 use crate::heavy::demo_images::demo_images;
 use crate::workspace::root;
 
-/// Animation of the README.
+/// Path of the animation in the README, relative to the workspace.
 const MOVING: &str = ".github/calibration.png";
-/// Folder of the guide's pictures.
+/// Folder of the guide's pictures, relative to the workspace.
 const GUIDE: &str = "docs/src/pictures";
 
 /// Takes all pictures again. `web` is the folder of the page. The page is built first, unless `as_is` is set.
@@ -106,7 +106,7 @@ impl Change {
             low = [low[0].min(x), low[1].min(y)];
             high = [high[0].max(x + 1), high[1].max(y + 1)];
         }
-        // Without a change, one transparent pixel.
+        // A frame without a change contains one transparent pixel.
         let low = low.map(|border| if border == u32::MAX { 0 } else { border });
         let size = [0, 1].map(|axis| (high[axis] - low[axis].min(high[axis])).max(1));
         let pixels = RgbaImage::from_fn(size[0], size[1], |x, y| {

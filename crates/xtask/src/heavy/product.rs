@@ -8,8 +8,8 @@ use anyhow::{Context as _, bail, ensure};
 use crate::check::WORKSPACE_IS_BUILT;
 use crate::workspace::root;
 
-/// Runs `cargo build` with these arguments in the profile of this program, and returns the folder of that
-/// profile.
+/// Runs `cargo build` with these arguments in the profile of this program, unless [`WORKSPACE_IS_BUILT`] is set.
+/// Returns the folder of that profile.
 pub(crate) fn build(arguments: &[&str]) -> anyhow::Result<PathBuf> {
     if std::env::var_os(WORKSPACE_IS_BUILT).is_none() {
         let mut cargo = Command::new("cargo");

@@ -167,7 +167,8 @@ const REST: [&str; 146] = [
     "rustc_demangle",
 ];
 
-/// Deserialisation: a function whose name contains it and one of the crates of [`DOCUMENT`] reads a site.
+/// Path in the names of functions that deserialise. If a name also contains one of the crates of [`DOCUMENT`], the
+/// function reads a site, and belongs to the second part.
 const DESERIALISATION: &str = "serde_core::de";
 
 /// Crates whose types are in site files and in answers of workers.
