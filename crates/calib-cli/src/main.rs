@@ -39,6 +39,8 @@ mod detections;
 mod project;
 mod export;
 mod import;
+mod map_position;
+mod plan;
 mod placing;
 mod propose;
 #[cfg(feature = "archives")]
@@ -48,8 +50,6 @@ mod coverage;
 mod measure;
 mod windows;
 mod undistort;
-mod map_position;
-mod plan;
 #[cfg(feature = "stills")]
 mod snapshot;
 #[cfg(feature = "stills")]

@@ -1,4 +1,5 @@
-//! Cameras of automatically calibrated images, placed relative to each other by the colours of the images.
+//! Cameras of automatically calibrated images, placed relative to each other by the colours of the images,
+//! and on a floor plan by the visible floor.
 
 use calib_image::{PairDecision, PlacementSearch, SitePlacement, shrunk};
 use calib_site::Site;
@@ -8,10 +9,12 @@ use crate::files::ThreadsArgs;
 use crate::progress::Pulse;
 use crate::stop::CommandError;
 
-/// Places the calibrated cameras of a site. `read` returns the image of a camera by its index in the site.
+/// Places the calibrated cameras of a site, also on the image of its plan. `read` returns the image of a camera by its
+/// index in the site.
 pub(crate) fn place(
     site: &Site,
     threads: ThreadsArgs,
+    plan: Option<&RgbImage>,
     read: impl Fn(usize) -> Result<RgbImage, CommandError>,
 ) -> Result<SitePlacement, CommandError> {
     let cameras = match PlacementSearch::cameras(site) {
@@ -24,7 +27,7 @@ pub(crate) fn place(
         Ok(shrunk(&image, PlacementSearch::SIDE_PX).unwrap_or(image))
     };
     let images = cameras.iter().map(reduced).collect::<Result<Vec<_>, CommandError>>()?;
-    let search = PlacementSearch::new(site, &cameras, &images);
+    let search = PlacementSearch::new(site, &cameras, &images, plan);
     drop(images);
     let pairs = threads.run(search.pairs(), |pair| Ok::<_, CommandError>(search.register(pair)), |_| ())?;
     let placement = search.place(site, &pairs, &mut |_| true);

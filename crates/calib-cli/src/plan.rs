@@ -18,11 +18,9 @@ use crate::site_file::{SiteFile, path_relative_to_file};
 use crate::solve::Format;
 use crate::stop::{CommandError, escape_control_characters};
 
-/// Arguments of `calib plan`.
+/// Arguments that choose the shown part and the scale of a floor plan.
 #[derive(Debug, clap::Args)]
-pub(crate) struct Args {
-    /// Floor plan: PDF, DXF, SVG, an image (such as PNG or TIFF, also with a world file), or a ground overlay (KML)
-    file: String,
+pub(crate) struct DrawingArgs {
     /// Page of a PDF, from 1
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     page: Option<u32>,
@@ -38,6 +36,34 @@ pub(crate) struct Args {
     /// Size of a pixel in metres, for plans that state no scale
     #[arg(long, value_name = "M", value_parser = pixel_size, conflicts_with_all = ["scale", "unit"])]
     metres_per_px: Option<f64>,
+}
+
+impl DrawingArgs {
+    /// Returns the chosen layers; `None` for the layers that are on in the drawing.
+    fn layers(&self) -> Option<Vec<String>> {
+        (!self.layers.is_empty()).then(|| self.layers.clone())
+    }
+
+    /// Returns the name of an option that was given.
+    pub(crate) fn given(&self) -> Option<&'static str> {
+        let options = [
+            ("--page", self.page.is_some()),
+            ("--layer", !self.layers.is_empty()),
+            ("--scale", self.scale.is_some()),
+            ("--unit", self.unit.is_some()),
+            ("--metres-per-px", self.metres_per_px.is_some()),
+        ];
+        options.into_iter().find(|(_, is_given)| *is_given).map(|(name, _)| name)
+    }
+}
+
+/// Arguments of `calib plan`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Floor plan: PDF, DXF, SVG, an image (such as PNG or TIFF, also with a world file), or a ground overlay (KML)
+    file: String,
+    #[command(flatten)]
+    drawing: DrawingArgs,
     /// Grid of a map image without grid information, such as EPSG:25832; EPSG:4326 for degrees
     #[arg(long, value_name = "EPSG:CODE", value_parser = map_units)]
     crs: Option<MapUnits>,
@@ -107,39 +133,63 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     }
     let file = PlanFile::read(&args.file)?;
     let path = file.path.as_path();
-    let layers = (!args.layers.is_empty()).then(|| args.layers.clone());
     let site = args.site.as_ref().map(|site| SiteFile::read(site)).transpose()?;
     let of_site = || site.as_ref()?.site.coordinate_system().map(|grid| MapUnits::Grid(Box::new(grid)));
     let crs = args.crs.clone().or_else(of_site);
-    let read = read_plan(&file, args, &View { page: args.page, layers: layers.clone() }, crs.as_ref())?;
+    let read = read_plan(&file, &args.file, &args.drawing, crs.as_ref())?;
     if let Some((site, name)) = site.zip(args.site.as_ref()) {
         let walls = wall_lines(args, &file.bytes)?;
-        return write_site(args, (site, name, path), &read, layers, &walls);
+        return write_site(args, (site, name, path), &read, &walls);
     }
     if let Some(output) = &args.output {
         let invalid = |error| CommandError::invalid(path.display(), error);
-        let image = match (read.image, read.drawing) {
-            (Some(image), _) => image,
-            (None, Some(drawing)) => drawing.into_image().map_err(invalid)?,
-            (None, None) => return Err(CommandError::invalid(path.display(), "has no pixels")),
-        };
+        let image = read.into_image().map_err(invalid)?;
         return files::write(output, &picture::encode(&image, output)?, args.force);
     }
     let format = Format::given_or_usual(args.format);
     files::print(&match format {
-        Format::Json => format!("{}\n", as_json(args, path, &read, layers)?),
+        Format::Json => format!("{}\n", as_json(args, path, &read)?),
         Format::Text => escape_control_characters(&as_text(args, &read)).into_owned(),
     })
 }
 
+impl ReadPlan {
+    /// Returns the image of the plan.
+    fn into_image(self) -> Result<image::RgbImage, String> {
+        match (self.image, self.drawing) {
+            (Some(image), _) => Ok(image),
+            (None, Some(drawing)) => drawing.into_image().map_err(|error| error.to_string()),
+            (None, None) => Err("has no pixels".into()),
+        }
+    }
+}
+
+/// Reads the plan for a site without other content: its entry, with a path relative to the file `output`, and its image.
+pub(crate) fn read_entry(
+    name: &str,
+    args: &DrawingArgs,
+    output: &str,
+) -> Result<(Plan, image::RgbImage), CommandError> {
+    let file = PlanFile::read(name)?;
+    let read = read_plan(&file, name, args, None)?;
+    let image = path_relative_to_file(&file.path, output);
+    let plan = match (&read.position, &read.scale) {
+        (Some(position), _) => on_map(&Site::new(), image, &read, position, name)?,
+        (None, Some((metres_per_px, _))) => entry(image, &read, args, *metres_per_px),
+        (None, None) => return Err(CommandError::Usage(unknown_scale(&read))),
+    };
+    Ok((plan, read.into_image().map_err(|error| CommandError::invalid(name, error))?))
+}
+
 fn read_plan(
     file: &PlanFile,
-    args: &Args,
-    view: &View,
+    name: &str,
+    args: &DrawingArgs,
     crs: Option<&MapUnits>,
 ) -> Result<ReadPlan, CommandError> {
     let bytes = &file.bytes;
-    let invalid = |error: String| CommandError::invalid(&args.file, error);
+    let invalid = |error: String| CommandError::invalid(name, error);
+    let view = &View { page: args.page, layers: args.layers() };
     let given = args.metres_per_px.map(|size| (size, "from --metres-per-px".to_owned()));
     let drawing = calib_plan::read(bytes, view).transpose().map_err(|error| invalid(error.to_string()))?;
     let kind = drawing.as_ref().map(|drawing| drawing.facts.kind);
@@ -150,7 +200,7 @@ fn read_plan(
         ("--unit", args.unit.is_some(), DrawingKind::Dxf, "DXF"),
     ] {
         if is_given && kind != Some(needed) {
-            return Err(CommandError::Usage(format!("{option}: {} is not a {format} file", args.file)));
+            return Err(CommandError::Usage(format!("{option}: {name} is not a {format} file")));
         }
     }
     let Some(drawing) = drawing else {
@@ -160,9 +210,9 @@ fn read_plan(
         return Ok(ReadPlan { drawing: None, size, image: Some(image), scale: given, position });
     };
     let facts = &drawing.facts;
-    check_layers("--layer", &args.layers, facts, &args.file)?;
+    check_layers("--layer", &args.layers, facts, name)?;
     for note in &facts.notes {
-        print_message(format_args!("calib: {}: {note}", args.file));
+        print_message(format_args!("calib: {name}: {note}"));
     }
     let by_option = match (args.scale.zip(facts.paper_metres_per_px), args.unit.zip(facts.units_per_px)) {
         (Some((scale, paper)), _) => Some((paper * scale, format!("1:{scale}, from --scale"))),
@@ -184,19 +234,13 @@ fn read_plan(
 }
 
 /// Returns the plan entry of a site, for a plan with a known scale and without a position on the map.
-fn entry(
-    image: String,
-    read: &ReadPlan,
-    args: &Args,
-    layers: Option<Vec<String>>,
-    metres_per_px: f64,
-) -> Plan {
+fn entry(image: String, read: &ReadPlan, args: &DrawingArgs, metres_per_px: f64) -> Plan {
     let height = f64::from(read.size[1]);
     let [x, y] = read.drawing.as_ref().map_or([0.0, height], |drawing| drawing.facts.world_origin_px());
     Plan {
         image: Some(image),
         page: args.page,
-        layers,
+        layers: args.layers(),
         metres_per_px,
         origin_px: PlanPixel::new(x, y),
         x_axis_deg: 0.0,
@@ -213,10 +257,9 @@ fn on_map(
     image: String,
     read: &ReadPlan,
     position: &MapPosition,
-    args: &Args,
+    name: &str,
 ) -> Result<Plan, CommandError> {
-    site.plan_on_map(Some(image), read.size, position)
-        .map_err(|error| CommandError::invalid(&args.file, error))
+    site.plan_on_map(Some(image), read.size, position).map_err(|error| CommandError::invalid(name, error))
 }
 
 /// Writes the site with this plan.
@@ -224,7 +267,6 @@ fn write_site(
     args: &Args,
     (file, site, path): (SiteFile, &str, &Path),
     read: &ReadPlan,
-    layers: Option<Vec<String>>,
     walls: &WallLines,
 ) -> Result<(), CommandError> {
     let output = args.output.as_deref().unwrap_or("-");
@@ -232,9 +274,9 @@ fn write_site(
     // On stdout, all paths stay relative to the folder of the site.
     let image = path_relative_to_file(path, if output == "-" { site } else { output });
     let (plan, source) = match (&read.position, &read.scale) {
-        (Some(position), _) => (on_map(&file.site, image, read, position, args)?, MAP_SCALE),
+        (Some(position), _) => (on_map(&file.site, image, read, position, &args.file)?, MAP_SCALE),
         (None, Some((metres_per_px, source))) => {
-            (entry(image, read, args, layers, *metres_per_px), source.as_str())
+            (entry(image, read, &args.drawing, *metres_per_px), source.as_str())
         }
         (None, None) => return Err(CommandError::Usage(unknown_scale(read))),
     };
@@ -326,12 +368,7 @@ fn unknown_scale(read: &ReadPlan) -> String {
     }
 }
 
-fn as_json(
-    args: &Args,
-    path: &Path,
-    read: &ReadPlan,
-    layers: Option<Vec<String>>,
-) -> Result<Value, CommandError> {
+fn as_json(args: &Args, path: &Path, read: &ReadPlan) -> Result<Value, CommandError> {
     let drawing = read.drawing.as_ref();
     let kind = drawing.map_or("image", |drawing| name(drawing.facts.kind));
     let shown: Vec<Value> = drawing.map_or_else(Vec::new, |drawing| {
@@ -342,9 +379,11 @@ fn as_json(
     });
     let image = path.to_string_lossy().into_owned();
     let (plan, source) = match (&read.position, &read.scale) {
-        (Some(position), _) => (Some(on_map(&Site::new(), image, read, position, args)?), Some(MAP_SCALE)),
+        (Some(position), _) => {
+            (Some(on_map(&Site::new(), image, read, position, &args.file)?), Some(MAP_SCALE))
+        }
         (None, Some((scale, source))) => {
-            (Some(entry(image, read, args, layers, *scale)), Some(source.as_str()))
+            (Some(entry(image, read, &args.drawing, *scale)), Some(source.as_str()))
         }
         (None, None) => (None, None),
     };
@@ -400,7 +439,7 @@ fn as_text(args: &Args, read: &ReadPlan) -> String {
     }
     if let Some(drawing) = &read.drawing {
         if drawing.facts.pages > 1 {
-            let _ = writeln!(text, "Page: {} of {}", args.page.unwrap_or(1), drawing.facts.pages);
+            let _ = writeln!(text, "Page: {} of {}", args.drawing.page.unwrap_or(1), drawing.facts.pages);
         }
         for (is_shown, title) in [(true, "Shown layers"), (false, "Hidden layers")] {
             let layers =

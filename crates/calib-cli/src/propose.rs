@@ -21,6 +21,7 @@ use crate::files::{self, print_message};
 use crate::painting::draw_on;
 use crate::picture;
 use crate::placing;
+use crate::plan::{self, DrawingArgs};
 use crate::site_file;
 use crate::site_file::path_relative_to_file;
 use crate::solve::Format;
@@ -63,6 +64,11 @@ pub(crate) struct Args {
     /// Write every image, with its automatic calibration drawn on it, to this folder
     #[arg(long, value_name = "DIR")]
     render: Option<PathBuf>,
+    /// Floor plan on which to place the cameras: PDF, DXF, SVG, or an image with --metres-per-px
+    #[arg(long, value_name = "PLAN", conflicts_with = "no_places")]
+    plan: Option<String>,
+    #[command(flatten)]
+    drawing: DrawingArgs,
     /// Do not place the cameras relative to each other
     #[arg(long)]
     no_places: bool,
@@ -129,19 +135,29 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     }
     // Wrong values are reported before the first image is read.
     args.known_lens([1920, 1080])?;
-    let images = site_file::list_images(&args.images)?;
+    if let Some(option) = args.drawing.given().filter(|_| args.plan.is_none()) {
+        return Err(CommandError::Usage(format!("{option} is an option of --plan, which is missing")));
+    }
+    let output = args.output.as_deref().unwrap_or("-");
+    let plan = args.plan.as_ref().map(|name| plan::read_entry(name, &args.drawing, output)).transpose()?;
+    let (plan_entry, plan_image) = plan.unzip();
+    let mut images = site_file::list_images(&args.images)?;
+    if let Some(plan) = args.plan.as_ref().and_then(|plan| std::fs::canonicalize(plan).ok()) {
+        // The plan may be in the folder of the images.
+        images.retain(|image| std::fs::canonicalize(image).ok().as_ref() != Some(&plan));
+    }
     let ids = ids(&images);
     let mut progress = BatchProgress::new(images.len());
     let results =
         args.threads.run(images, |path| calibrate_image(path, args), |result| progress.done(&result.path))?;
     drop(progress);
-    let output = args.output.as_deref().unwrap_or("-");
     let cameras = results.iter().zip(ids).map(|(result, id)| camera(result, id, output)).collect();
-    let site = solved(Site { cameras, ..Site::new() }, &results);
-    let placement = if args.no_places || results.len() < 2 {
+    let site = solved(Site { cameras, plan: plan_entry, ..Site::new() }, &results);
+    let placement = if args.no_places || results.len() < 2 && plan_image.is_none() {
         None
     } else {
-        Some(placing::place(&site, args.threads, |index| site_file::read_image(&results[index].path))?)
+        let read = |index: usize| site_file::read_image(&results[index].path);
+        Some(placing::place(&site, args.threads, plan_image.as_ref(), read)?)
     };
     let site = placement.iter().fold(site, |site, placement| solved(placement.write_into(site), &results));
     if let Some(output) = &args.output {

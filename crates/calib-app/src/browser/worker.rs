@@ -95,7 +95,7 @@ fn place(step: PlacementStep, bytes: &[u8]) -> Result<Array, String> {
                 images.push(image_from_bytes(width, image)?);
                 rest = others;
             }
-            let prepared = PlacementSearch::new(&site, &cameras, &images);
+            let prepared = PlacementSearch::new(&site, &cameras, &images, None);
             let pairs = prepared.pairs();
             *search = Some((site, prepared, Vec::new()));
             json_answer(&pairs)

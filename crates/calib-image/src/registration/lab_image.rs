@@ -42,10 +42,47 @@ impl LabImage {
         Self { size, colours: rgb.into_iter().map(lab_from_srgb).collect(), is_visible, scale }
     }
 
+    /// Returns the colours after a Gaussian blur with standard deviation `sigma`, in pixels. Hidden pixels are ignored.
+    pub(crate) fn blurred(&self, sigma: f32) -> Vec<[f32; 3]> {
+        let radius = (3.0 * sigma).ceil() as isize;
+        let kernel: Vec<(isize, f32)> =
+            (-radius..=radius).map(|i| (i, (-0.5 * (i as f32 / sigma).powi(2)).exp())).collect();
+        // The fourth value is the weight of the visible pixels.
+        let weighted: Vec<[f32; 4]> = (self.colours.iter().zip(&self.is_visible))
+            .map(|(&[l, a, b], &is_visible)| if is_visible { [l, a, b, 1.0] } else { [0.0; 4] })
+            .collect();
+        let rows = convolve(&weighted, self.size, &kernel, [1, 0]);
+        let sums = convolve(&rows, self.size, &kernel, [0, 1]);
+        sums.iter().map(|[l, a, b, weight]| [l, a, b].map(|sum| sum / weight.max(1e-6))).collect()
+    }
+
     /// Returns the colours of the visible pixels.
     pub(crate) fn visible(&self) -> impl Iterator<Item = &[f32; 3]> {
         self.colours.iter().zip(&self.is_visible).filter(|(_, is_visible)| **is_visible).map(|(lab, _)| lab)
     }
+}
+
+/// Returns the sums of shifted pixels, weighted by the kernel. `step` is the direction of the shifts.
+fn convolve(
+    pixels: &[[f32; 4]],
+    [width, height]: [usize; 2],
+    kernel: &[(isize, f32)],
+    step: [isize; 2],
+) -> Vec<[f32; 4]> {
+    let sum = |index: usize| {
+        let [x, y] = [index % width, index / width];
+        let mut sum = [0.0; 4];
+        for &(shift, weight) in kernel {
+            let at = [x.checked_add_signed(shift * step[0]), y.checked_add_signed(shift * step[1])];
+            let [Some(x), Some(y)] = at else { continue };
+            if x < width && y < height {
+                let pixel = &pixels[y * width + x];
+                (0..4).for_each(|i| sum[i] += weight * pixel[i]);
+            }
+        }
+        sum
+    };
+    (0..pixels.len()).map(sum).collect()
 }
 
 /// Returns, for each of `count` equal parts of a row or column, the source pixels that it covers, with
@@ -131,6 +168,18 @@ mod tests {
         near([255.0; 3], [40.0, 0.0, 0.0]);
         near([0.0; 3], [0.0; 3]);
         near([255.0, 0.0, 0.0], [0.4 * 53.24, 80.09, 67.20]);
+    }
+
+    #[test]
+    fn a_blur_keeps_a_uniform_colour_and_ignores_hidden_pixels() {
+        let is_visible: Vec<bool> = (0..200).map(|index| index % 3 > 0).collect();
+        let colour = |&is_visible: &bool| if is_visible { [30.0, -4.0, 9.0] } else { [0.0; 3] };
+        let colours = is_visible.iter().map(colour).collect();
+        let image = LabImage { size: [20, 10], colours, is_visible, scale: 1.0 };
+        let blurred = image.blurred(1.5);
+        assert!(
+            blurred.iter().flatten().zip([30.0, -4.0, 9.0].iter().cycle()).all(|(a, b)| (a - b).abs() < 1e-4)
+        );
     }
 
     #[test]

@@ -28,6 +28,8 @@
 //! - `floor_pose`: spanning trees of pairs; `pair_model`: quadratic model of the score of a pair;
 //! - `joint_search`: maximum of all pairs of a group;
 //! - `site_registration`: the entry point, [`register`];
+//! - `floor_scan`: how far the visible floor reaches; `plan_obstacles`: obstacles of a floor plan;
+//! - `plan_search`: place of a group on the plan;
 //! - `site_placement`: placements in a site, [`PlacementSearch`].
 
 mod local_view;
@@ -45,6 +47,9 @@ mod floor_pose;
 mod pair_model;
 mod joint_search;
 mod site_registration;
+mod floor_scan;
+mod plan_obstacles;
+mod plan_search;
 mod site_placement;
 
 pub use local_view::View;

@@ -50,16 +50,18 @@ pub(crate) struct CameraColours {
     maps: [DirectionMap; 2],
 }
 
+/// Returns the small image of a view with its local frame; `None` for a camera that cannot be registered.
+pub(crate) fn small_image(view: &View) -> Option<(LabImage, LocalView)> {
+    let margin = RIM_PX * f64::from(view.size_px[0]) / WIDTH_PX as f64;
+    let local = LocalView::new(view, margin)?;
+    Some((LabImage::new(view, &local), local))
+}
+
 impl SiteColours {
     /// Prepares the images of a site: the colour classes of the site, and the classes in each image.
     #[must_use]
     pub fn new(views: &[View]) -> Self {
-        let image = |view: &View| {
-            let margin = RIM_PX * f64::from(view.size_px[0]) / WIDTH_PX as f64;
-            let local = LocalView::new(view, margin)?;
-            Some((LabImage::new(view, &local), local))
-        };
-        let images: Vec<Option<(LabImage, LocalView)>> = views.iter().map(image).collect();
+        let images: Vec<Option<(LabImage, LocalView)>> = views.iter().map(small_image).collect();
         let classes = ColourClasses::new(images.iter().flatten().map(|(image, _)| image));
         let colours = |(view, image): (&View, &Option<(LabImage, LocalView)>)| {
             let (image, local) = image.as_ref().filter(|_| classes.len() > 0)?;

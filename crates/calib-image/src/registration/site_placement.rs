@@ -1,14 +1,17 @@
 //! Placements of the cameras of a site from the colours of their images.
 
-use calib_core::{Camera, FloorPoint, Placement};
+use calib_core::{Camera, FloorPoint, Placement, PlanPixel, PlanScale, WorldPoint};
 use calib_site::{FixedEntry, PlacementEntry, Site, Stage, counted};
 use image::RgbImage;
 
 use crate::compare::median;
+use crate::registration::floor_scan::FloorScan;
 use crate::registration::local_view::View;
 use crate::registration::pair_search::{PairDecision, PairRegistration, register_pair};
+use crate::registration::plan_obstacles::PlanObstacles;
+use crate::registration::plan_search::{PlanPose, ScannedCamera, locate};
 use crate::registration::relative_pose::wrapped;
-use crate::registration::site_colours::SiteColours;
+use crate::registration::site_colours::{SiteColours, small_image};
 use crate::registration::site_registration::{SiteRegistration, join};
 
 /// Largest number of cameras of a search. The work grows with the number of pairs.
@@ -21,6 +24,61 @@ pub struct PlacementSearch {
     /// Indices of the cameras in the site, in the order of the views.
     cameras: Vec<usize>,
     colours: SiteColours,
+    plan: Option<SearchedPlan>,
+}
+
+/// Floor plan on which cameras are placed.
+#[derive(Clone, Debug)]
+struct SearchedPlan {
+    obstacles: PlanObstacles,
+    scale: PlanScale,
+    /// Visible floor of each view.
+    scans: Vec<FloorScan>,
+    /// Whether the height of each view is measured.
+    is_height_known: Vec<bool>,
+}
+
+impl SearchedPlan {
+    /// Prepares the plan. Returns `None` if the site has no plan, or its image shows no obstacles.
+    fn new(site: &Site, image: &RgbImage, views: &[View]) -> Option<Self> {
+        let scale = site.plan.as_ref()?.scale();
+        let scan = |view: &View| {
+            let small = small_image(view);
+            small.map_or_else(FloorScan::default, |(image, local)| FloorScan::new(view, &local, &image))
+        };
+        Some(Self {
+            obstacles: PlanObstacles::new(image, scale.metres_per_px)?,
+            scale,
+            scans: views.iter().map(scan).collect(),
+            is_height_known: views.iter().map(|view| view.is_height_known).collect(),
+        })
+    }
+
+    /// Searches the place of a group of views. Returns the result with the similarity to the frame of the site, or `None`
+    /// if the search was cancelled.
+    fn locate(&self, group: &[(usize, &Camera)], progress: &mut dyn FnMut(f64) -> bool) -> Option<PlanPose> {
+        /// Standard deviations of the log of the scale, if all heights are measured and if they are assumed.
+        const SCALE_SIGMAS: [f64; 2] = [0.03, 0.2];
+        let is_assumed = group.iter().any(|(view, _)| !self.is_height_known[*view]);
+        let cameras: Vec<ScannedCamera> =
+            group.iter().map(|&(view, camera)| ScannedCamera { camera, scan: &self.scans[view] }).collect();
+        let sigma = SCALE_SIGMAS[usize::from(is_assumed)];
+        Some(match locate(&self.obstacles, &cameras, sigma, progress)? {
+            PlanPose::Found(pose) => PlanPose::Found(self.in_site(&pose)),
+            other => other,
+        })
+    }
+
+    /// Converts a similarity to the frame of the plan into one to the frame of the site.
+    fn in_site(&self, pose: &Placement) -> Placement {
+        let pixel =
+            PlanPixel::new(pose.by.x / self.scale.metres_per_px, -pose.by.y / self.scale.metres_per_px);
+        Placement {
+            by: self.scale.floor_from_plan(pixel),
+            turn: wrapped(pose.turn - self.scale.x_axis),
+            ..*pose
+        }
+    }
 }
 
 /// Result of a search for the placements of the cameras of a site.
@@ -68,6 +126,74 @@ pub struct PairPlacement {
     pub ratio: f64,
 }
 
+/// Frame of a group of cameras in the site.
+#[derive(Clone, Copy, Debug)]
+enum Frame {
+    /// Similarity to the frame of the site, from cameras that are already placed.
+    OfPlaced(Placement),
+    /// Similarity to the frame of the site, from the plan.
+    OnPlan(Placement),
+    /// The group determines the frame of the site.
+    Own,
+    /// Unknown: several places on the plan agree with the visible floor.
+    Ambiguous,
+    /// Unknown.
+    Unknown,
+}
+
+impl Frame {
+    /// Returns the similarity to the frame of the site, if it is known.
+    fn placement(self) -> Option<Placement> {
+        match self {
+            Self::OfPlaced(frame) | Self::OnPlan(frame) => Some(frame),
+            Self::Own => Some(Placement::NONE),
+            Self::Ambiguous | Self::Unknown => None,
+        }
+    }
+
+    /// Whether the frame determines the heights. Colours determine only their ratios.
+    fn sets_height(self) -> bool {
+        matches!(self, Self::OfPlaced(_) | Self::OnPlan(_))
+    }
+
+    /// Describes the placement of a camera of a group with `others`.
+    fn reason(self, others: &str) -> String {
+        match self {
+            Self::OfPlaced(_) | Self::Own => format!(
+                "it was placed by matching colours with {others}; the position can be wrong by half a metre"
+            ),
+            Self::OnPlan(_) => format!(
+                "it was placed on the plan by its visible floor, together with {others}; the position can be wrong by \
+                 half a metre"
+            ),
+            Self::Ambiguous => format!(
+                "its pose relative to {others} is known, but their visible floor agrees with several places on the plan; \
+                 place one of them by hand"
+            ),
+            Self::Unknown => format!(
+                "its pose relative to {others} is known, but not its position in the site; place one of them by hand"
+            ),
+        }
+    }
+
+    /// Describes the placement of a camera without a group.
+    fn reason_of_single(self) -> &'static str {
+        match self {
+            Self::OnPlan(_) => {
+                "it was placed on the plan by its visible floor; the position can be wrong by half a metre"
+            }
+            Self::Ambiguous => {
+                "its visible floor agrees with several places on the plan; place the camera by hand, or click control \
+                 points"
+            }
+            _ => {
+                "its visible floor agrees with no place on the plan, and no other image clearly shows the same part of the \
+                 scene; place the camera by hand, or click control points"
+            }
+        }
+    }
+}
+
 impl SitePlacement {
     /// Creates the result of a search that did not start, with the reason.
     #[must_use]
@@ -100,13 +226,16 @@ impl PlacementSearch {
     /// image. A camera with several calibration periods is placed by its first entry in the site file.
     ///
     /// # Errors
-    /// When fewer than two or more than 16 cameras can be placed, or all are placed; the error is the reason.
+    /// When fewer than two (with a plan: one) or more than 16 cameras can be placed, or all are placed; the error is the
+    /// reason.
     pub fn cameras(site: &Site) -> Result<Vec<usize>, String> {
         let cameras: Vec<usize> =
             (0..site.cameras.len()).filter(|&camera| why_not_searched(site, camera).is_none()).collect();
         match cameras.len() {
             0 => Err("no image has an accepted calibration".into()),
-            1 => Err("only one image has an accepted calibration; two are needed".into()),
+            1 if site.plan.is_none() => {
+                Err("only one image has an accepted calibration; two are needed".into())
+            }
             count if count > MAX_CAMERAS => Err(format!(
                 "{count} images have a calibration, but at most {MAX_CAMERAS} can be placed at once; use a site \
                  with fewer cameras"
@@ -118,10 +247,11 @@ impl PlacementSearch {
         }
     }
 
-    /// Prepares the images of the cameras with these indices. An image may be smaller than the calibrated
-    /// size.
+    /// Prepares the images of the cameras with these indices, and the image of the plan. An image of a camera may be
+    /// smaller than the calibrated size. The image of the plan has its full size; without it, cameras are only placed
+    /// relative to each other.
     #[must_use]
-    pub fn new(site: &Site, cameras: &[usize], images: &[RgbImage]) -> Self {
+    pub fn new(site: &Site, cameras: &[usize], images: &[RgbImage], plan: Option<&RgbImage>) -> Self {
         let mut known: Vec<(usize, &RgbImage, Camera)> = cameras
             .iter()
             .zip(images)
@@ -146,7 +276,11 @@ impl PlacementSearch {
                 is_height_known: site.cameras[*index].height_m.is_some(),
             })
             .collect();
-        Self { cameras: known.iter().map(|(index, ..)| *index).collect(), colours: SiteColours::new(&views) }
+        Self {
+            cameras: known.iter().map(|(index, ..)| *index).collect(),
+            colours: SiteColours::new(&views),
+            plan: plan.and_then(|image| SearchedPlan::new(site, image, &views)),
+        }
     }
 
     /// Returns all pairs of cameras, as indices of the prepared cameras of this search (not of the site).
@@ -164,20 +298,26 @@ impl PlacementSearch {
     /// Combines the registered pairs to placements in the frame of the site. `progress` receives the
     /// completed fraction, 0 to 1, and returns `false` to cancel. Returns `None` if it was cancelled.
     ///
-    /// Cameras that are already placed keep their poses, and their groups are moved to them. If no camera is
-    /// placed, the largest group determines the frame of the site.
+    /// Cameras that are already placed keep their poses, and their groups are moved to them. Other groups and single
+    /// cameras are placed on the plan. Without a plan and without placed cameras, the largest group determines the frame
+    /// of the site.
     pub fn place(
         &self,
         site: &Site,
         pairs: &[PairRegistration],
         progress: &mut dyn FnMut(f64) -> bool,
     ) -> Option<SitePlacement> {
-        let registration = join(&self.colours, pairs, progress)?;
-        let frames = self.frames(site, &registration);
+        /// Share of the joint search in the work, if there is a plan.
+        const JOINT_SHARE: f64 = 0.5;
+        let share = if self.plan.is_some() { JOINT_SHARE } else { 1.0 };
+        let mut registration = join(&self.colours, pairs, &mut |done| progress(share * done))?;
+        self.add_single_cameras(site, &mut registration);
+        let frames = self.frames(site, &registration, &mut |done| progress(share + (1.0 - share) * done))?;
         let cameras: Vec<CameraPlacement> =
             (0..site.cameras.len()).map(|camera| self.camera(site, camera, &registration, &frames)).collect();
         let indices = |group: &Vec<usize>| group.iter().map(|&view| self.cameras[view]).collect();
-        let groups: Vec<Vec<usize>> = registration.groups.iter().map(indices).collect();
+        let several = registration.groups.iter().filter(|group| group.len() > 1);
+        let groups: Vec<Vec<usize>> = several.map(indices).collect();
         let is_known = |pair: &&PairRegistration| pair.views.iter().all(|&view| view < self.cameras.len());
         let pairs = registration.pairs.iter().filter(is_known).map(|pair| PairPlacement {
             cameras: pair.views.map(|view| self.cameras[view]),
@@ -186,26 +326,59 @@ impl PlacementSearch {
             ratio: pair.ratio,
         });
         let against = registration.agreement.iter().filter(|pair| !pair.agrees).count();
-        let (is_complete, reason) = summary(site, &cameras, groups.len(), against);
+        let (is_complete, reason) = summary(site, &cameras, self.plan.is_some(), against);
         Some(SitePlacement { cameras, groups, pairs: pairs.collect(), is_complete, reason })
     }
 
-    /// Returns the transformation of each group to the frame of the site; `None` if it is unknown.
-    fn frames(&self, site: &Site, registration: &SiteRegistration) -> Vec<Option<Placement>> {
-        let by_placed = |group: &Vec<usize>| {
+    /// Adds a group for each single camera that the plan may place.
+    fn add_single_cameras(&self, site: &Site, registration: &mut SiteRegistration) {
+        if self.plan.is_none() {
+            return;
+        }
+        for (view, camera) in self.colours.cameras.iter().enumerate() {
+            if registration.cameras[view].is_none() && !is_kept(site, self.cameras[view]) {
+                let position = WorldPoint::new(0.0, 0.0, camera.position.z);
+                registration.cameras[view] = Some(Camera { position, ..*camera });
+                registration.groups.push(vec![view]);
+            }
+        }
+    }
+
+    /// Returns the frame of each group. Returns `None` if the search was cancelled.
+    fn frames(
+        &self,
+        site: &Site,
+        registration: &SiteRegistration,
+        progress: &mut dyn FnMut(f64) -> bool,
+    ) -> Option<Vec<Frame>> {
+        let count = registration.groups.len() as f64;
+        let mut frames = Vec::new();
+        for (index, group) in registration.groups.iter().enumerate() {
             let placed = group.iter().filter(|&&view| is_kept(site, self.cameras[view]));
             let poses = placed.filter_map(|&view| {
                 Some((registration.cameras[view]?, site.cameras[self.cameras[view]].camera()?))
             });
-            group_frame(&poses.collect::<Vec<_>>())
-        };
-        let mut frames: Vec<Option<Placement>> = registration.groups.iter().map(by_placed).collect();
-        let is_free = !(0..site.cameras.len()).any(|index| is_kept(site, index));
+            frames.push(match (group_frame(&poses.collect::<Vec<_>>()), &self.plan) {
+                (Some(frame), _) => Frame::OfPlaced(frame),
+                (None, Some(plan)) => {
+                    let members: Vec<(usize, &Camera)> = (group.iter())
+                        .filter_map(|&view| Some((view, registration.cameras[view].as_ref()?)))
+                        .collect();
+                    match plan.locate(&members, &mut |done| progress((index as f64 + done) / count))? {
+                        PlanPose::Found(frame) => Frame::OnPlan(frame),
+                        PlanPose::Ambiguous => Frame::Ambiguous,
+                        PlanPose::NotFound => Frame::Unknown,
+                    }
+                }
+                (None, None) => Frame::Unknown,
+            });
+        }
+        let is_free = self.plan.is_none() && !(0..site.cameras.len()).any(|index| is_kept(site, index));
         let sizes = registration.groups.iter().map(Vec::len).enumerate();
         if let Some((largest, _)) = sizes.rev().max_by_key(|(_, size)| *size).filter(|_| is_free) {
-            frames[largest] = Some(Placement::NONE);
+            frames[largest] = Frame::Own;
         }
-        frames
+        Some(frames)
     }
 
     /// Returns the result of the camera with this index in the site.
@@ -227,28 +400,21 @@ impl PlacementSearch {
             let why_not = why_not_searched(site, camera).unwrap_or("its image could not be read");
             return CameraPlacement { reason: why_not.into(), ..nothing };
         };
-        let found = group.and_then(|group| Some((frames[group], registration.cameras[view]?)));
-        let (placement, reason) = match found {
-            Some((Some(frame), pose)) => {
-                let others = self.others(site, view, registration);
-                let reason = format!(
-                    "it was placed by matching colours with {others}; the position can be wrong by half a metre"
-                );
-                let members = group.map_or(&[][..], |group| &registration.groups[group]);
-                let sets_height = members.iter().any(|&member| is_kept(site, self.cameras[member]));
-                (Some(placement_in(&frame, &pose, sets_height)), reason)
-            }
-            Some((None, _)) => {
-                let others = self.others(site, view, registration);
-                let reason = format!(
-                    "its pose relative to {others} is known, but not its position in the site; place one of \
-                     them by hand"
-                );
-                (None, reason)
-            }
-            None => (None, not_found(view, registration).into()),
+        let found = group.and_then(|group| Some((group, registration.cameras[view]?)));
+        let Some((group, pose)) = found else {
+            return CameraPlacement { reason: not_found(view, registration).into(), ..nothing };
         };
-        CameraPlacement { placement, reason, ..nothing }
+        let is_single = registration.groups[group].len() < 2;
+        let frame = frames[group];
+        let placement = frame.placement().map(|own| placement_in(&own, &pose, frame.sets_height()));
+        let reason = match frame {
+            Frame::OnPlan(_) | Frame::Ambiguous | Frame::Unknown if is_single => {
+                frame.reason_of_single().into()
+            }
+            _ => frame.reason(&self.others(site, view, registration)),
+        };
+        let group = (!is_single).then_some(group);
+        CameraPlacement { placement, reason, group, ..nothing }
     }
 
     /// Returns the ids of the other cameras in the group of a view as text. For more than three cameras, the text
@@ -311,14 +477,15 @@ fn is_kept(site: &Site, camera: usize) -> bool {
     entry.is_placed() && !is_start_value
 }
 
-/// Returns whether all cameras with an image are placed together, and a summary of the result.
-fn summary(site: &Site, cameras: &[CameraPlacement], groups: usize, against: usize) -> (bool, String) {
+/// Returns whether all cameras with an image are placed in the same frame, and a summary of the result.
+fn summary(site: &Site, cameras: &[CameraPlacement], has_plan: bool, against: usize) -> (bool, String) {
     let is_wanted = |index: &usize| site.owns_links(*index) && site.cameras[*index].image.is_some();
     let wanted: Vec<&CameraPlacement> =
         (0..cameras.len()).filter(is_wanted).map(|index| &cameras[index]).collect();
     let kept = wanted.iter().filter(|camera| camera.is_kept).count();
     let placed = wanted.iter().filter(|camera| camera.placement.is_some()).count();
     let wanted = wanted.len();
+    let by = if has_plan { "by matching colours and the plan" } else { "by matching colours" };
     let contradiction = match against {
         0 => String::new(),
         _ => format!("; {} the common pose", counted(against, "pair contradicts", "pairs contradict")),
@@ -328,13 +495,14 @@ fn summary(site: &Site, cameras: &[CameraPlacement], groups: usize, against: usi
     } else {
         String::new()
     };
-    if groups == 0 {
-        (false, "no two images clearly show the same part of the scene".into())
-    } else if placed + kept == wanted && groups == 1 && against == 0 {
+    if placed == 0 && !cameras.iter().any(|camera| camera.group.is_some()) {
+        let on_plan = if has_plan { ", and no camera was found on the plan" } else { "" };
+        (false, format!("no two images clearly show the same part of the scene{on_plan}"))
+    } else if placed + kept == wanted && against == 0 {
         let all = if kept > 0 { "every other camera" } else { "every camera" };
-        (true, format!("{all} was placed by matching colours; link points to check and refine the positions"))
+        (true, format!("{all} was placed {by}; link points to check and refine the positions"))
     } else {
-        (false, format!("placed by matching colours: {placed} of {wanted} cameras{already}{contradiction}"))
+        (false, format!("placed {by}: {placed} of {wanted} cameras{already}{contradiction}"))
     }
 }
 
@@ -355,8 +523,7 @@ fn group_frame(poses: &[(Camera, Camera)]) -> Option<Placement> {
     Some(Placement { by, turn, scale })
 }
 
-/// Returns the placement of a camera of a group with this frame. Colours determine only the ratios of the
-/// heights. Therefore the placement sets the height only if a camera of the group was already placed.
+/// Returns the placement of a camera of a group with this frame.
 fn placement_in(frame: &Placement, pose: &Camera, sets_height: bool) -> PlacementEntry {
     let position = frame.map_point(pose.position.on_floor()).at_height(frame.scale * pose.position.z);
     let moved = Camera { position, yaw: wrapped(pose.yaw + frame.turn), ..*pose };

@@ -254,7 +254,7 @@ pub(super) fn place(
     let progress = Arc::clone(progress);
     Task::spawn_apart(ctx, move || {
         let PlacementRequest { site, cameras, images } = asked;
-        let search = PlacementSearch::new(&site, &cameras, &images);
+        let search = PlacementSearch::new(&site, &cameras, &images, None);
         let pairs = search.pairs();
         let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
         let found: Vec<OnceLock<PairRegistration>> = pairs.iter().map(|_| OnceLock::new()).collect();
