@@ -86,7 +86,7 @@ thread_local! {
 /// Carries out a step of the search for placements.
 fn place(step: PlacementStep, bytes: &[u8]) -> Result<Array, String> {
     SEARCH.with_borrow_mut(|search| match (step, search.as_mut()) {
-        (PlacementStep::Prepare { site, cameras, sizes }, _) => {
+        (PlacementStep::Prepare { site, cameras, sizes, has_plan }, _) => {
             let mut rest = bytes;
             let mut images = Vec::new();
             for (width, height) in sizes {
@@ -95,7 +95,8 @@ fn place(step: PlacementStep, bytes: &[u8]) -> Result<Array, String> {
                 images.push(image_from_bytes(width, image)?);
                 rest = others;
             }
-            let prepared = PlacementSearch::new(&site, &cameras, &images, None);
+            let plan = if has_plan { images.pop() } else { None };
+            let prepared = PlacementSearch::new(&site, &cameras, &images, plan.as_ref());
             let pairs = prepared.pairs();
             *search = Some((site, prepared, Vec::new()));
             json_answer(&pairs)

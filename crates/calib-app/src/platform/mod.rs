@@ -67,6 +67,8 @@ pub(crate) struct PlacementRequest {
     pub(crate) cameras: Vec<usize>,
     /// Image of each camera; it may be smaller than the calibrated size.
     pub(crate) images: Vec<RgbImage>,
+    /// Image of the plan, in its full size.
+    pub(crate) plan: Option<Arc<RgbImage>>,
 }
 
 /// Address of a camera, and how to read it.

@@ -287,7 +287,7 @@ impl App {
             if let Some(error) = self.pictures.error(name) {
                 report.set_placement(&Period::from_camera(entry), RowPlacement::Unknown, unreadable(error));
                 own.cameras.retain(|&other| other != camera);
-                if own.cameras.len() < 2 {
+                if own.cameras.is_empty() || own.cameras.len() < 2 && own.solved.plan.is_none() {
                     return Err("fewer than two images could be read".into());
                 }
                 ctx.request_repaint();
@@ -298,9 +298,20 @@ impl App {
             }
             return Ok(Step::Reading(own));
         }
+        let has_plan = own.solved.plan.as_ref().is_some_and(|plan| plan.image.is_some());
+        let plan = if has_plan && self.plan_error().is_none() {
+            let plan = self.loaded_plan(ctx).map(|picture| Arc::clone(&picture.image));
+            if plan.is_none() {
+                ctx.request_repaint();
+                return Ok(Step::Reading(own));
+            }
+            plan
+        } else {
+            None
+        };
         let progress = Arc::new(Progress::default());
         let count = own.cameras.len();
-        let asked = PlacementRequest { site: own.solved, cameras: own.cameras, images: own.images };
+        let asked = PlacementRequest { site: own.solved, cameras: own.cameras, images: own.images, plan };
         let task = Here::place(ctx, asked, &progress);
         Ok(Step::Placing(Box::new(Placing { from: own.from, task, progress, count })))
     }

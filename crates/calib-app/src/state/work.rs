@@ -204,7 +204,7 @@ impl App {
     }
 
     /// Returns the plan image once it is decoded; the first call starts the decoding.
-    fn loaded_plan(&mut self, ctx: &Context) -> Option<&mut Picture> {
+    pub(super) fn loaded_plan(&mut self, ctx: &Context) -> Option<&mut Picture> {
         let session = self.editor.session();
         let plan = session.site.plan.as_ref()?;
         let name = plan.image.as_ref()?;

@@ -253,8 +253,8 @@ pub(super) fn place(
     const PAIRED: f64 = PlacementSearch::PAIRS_SHARE;
     let progress = Arc::clone(progress);
     Task::spawn_apart(ctx, move || {
-        let PlacementRequest { site, cameras, images } = asked;
-        let search = PlacementSearch::new(&site, &cameras, &images, None);
+        let PlacementRequest { site, cameras, images, plan } = asked;
+        let search = PlacementSearch::new(&site, &cameras, &images, plan.as_deref());
         let pairs = search.pairs();
         let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
         let found: Vec<OnceLock<PairRegistration>> = pairs.iter().map(|_| OnceLock::new()).collect();

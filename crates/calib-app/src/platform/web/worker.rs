@@ -29,7 +29,8 @@ pub(crate) const RECOVER: &str = "recover";
 /// Step of the search for placements.
 #[derive(Debug, serde::Serialize, serde::Deserialize)]
 pub(crate) enum PlacementStep {
-    /// Prepares the images, whose RGB bytes are sent one after the other; returns the pairs.
+    /// Prepares the images of the cameras and of the plan, whose RGB bytes are sent one after the other; returns the
+    /// pairs.
     Prepare {
         /// Site with its solutions.
         site: Site,
@@ -37,6 +38,8 @@ pub(crate) enum PlacementStep {
         cameras: Vec<usize>,
         /// Widths and heights of the images, in pixels.
         sizes: Vec<(u32, u32)>,
+        /// Whether the last image is the plan.
+        has_plan: bool,
     },
     /// Registers the images of a pair of cameras that `Prepare` returned.
     Register([usize; 2]),
@@ -126,12 +129,14 @@ pub(crate) fn stop_proposing() {
 /// Searches the placements of cameras in a worker, which keeps the prepared images between the requests.
 pub(crate) async fn place(asked: PlacementRequest, progress: &Progress) -> Result<SitePlacement, String> {
     const PAIRED: f64 = PlacementSearch::PAIRS_SHARE;
-    let PlacementRequest { site, cameras, images } = asked;
-    let sizes = images.iter().map(RgbImage::dimensions).collect();
-    let bytes = images.iter().map(|image| image.as_raw().as_slice()).collect::<Vec<_>>().concat();
+    let PlacementRequest { site, cameras, images, plan } = asked;
+    let has_plan = plan.is_some();
+    let sent: Vec<&RgbImage> = images.iter().chain(plan.as_deref()).collect();
+    let sizes = sent.iter().map(|image| image.dimensions()).collect();
+    let bytes = sent.iter().map(|image| image.as_raw().as_slice()).collect::<Vec<_>>().concat();
     let send = async |step: &PlacementStep, bytes: &[u8]| request(PLACE, &page::write(step)?, 0, bytes).await;
     let pairs: Vec<[usize; 2]> =
-        parsed(&send(&PlacementStep::Prepare { site, cameras, sizes }, &bytes).await?)?;
+        parsed(&send(&PlacementStep::Prepare { site, cameras, sizes, has_plan }, &bytes).await?)?;
     let count = pairs.len();
     for (index, pair) in pairs.into_iter().enumerate() {
         send(&PlacementStep::Register(pair), &[]).await?;
