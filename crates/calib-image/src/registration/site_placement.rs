@@ -387,7 +387,7 @@ impl PlacementSearch {
         site: &Site,
         camera: usize,
         registration: &SiteRegistration,
-        frames: &[Option<Placement>],
+        frames: &[Frame],
     ) -> CameraPlacement {
         let view = self.cameras.iter().position(|&index| index == camera);
         let group = view.and_then(|view| registration.groups.iter().position(|group| group.contains(&view)));
