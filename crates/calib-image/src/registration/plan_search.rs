@@ -229,14 +229,14 @@ impl<'a> PlanSearch<'a> {
         Some(maxima)
     }
 
-    /// Maximises the score by a pattern search.
+    /// Maximises the score by the pattern search of Hooke and Jeeves (1961).
     fn refine(&self, start: Pose) -> Pose {
         /// First steps of rotation, log scale and position.
         const STEPS: [f64; 4] = [0.04, 0.05, 0.15, 0.15];
         /// Number of rounds. Each round halves the steps.
         const ROUNDS: usize = 6;
         /// Largest number of sweeps over the parameters in a round.
-        const SWEEPS: usize = 8;
+        const SWEEPS: usize = 12;
         let score =
             |parameters: [f64; 4]| self.rays_score(self.rays.iter(), parameters) - self.prior(parameters[1]);
         let mut best = start.parameters();
@@ -244,7 +244,7 @@ impl<'a> PlanSearch<'a> {
         let mut steps = STEPS;
         for _ in 0..ROUNDS {
             for _ in 0..SWEEPS {
-                let before = highest;
+                let (before, old) = (highest, best);
                 for (index, step) in steps.into_iter().enumerate() {
                     for step in [step, -step] {
                         let mut next = best;
@@ -258,6 +258,12 @@ impl<'a> PlanSearch<'a> {
                 }
                 if highest <= before {
                     break;
+                }
+                // Repeats the whole move.
+                let next = std::array::from_fn(|i| 2.0 * best[i] - old[i]);
+                let value = score(next);
+                if value > highest {
+                    (best, highest) = (next, value);
                 }
             }
             steps = steps.map(|step| 0.5 * step);
