@@ -174,13 +174,18 @@ fn ray(
     let first = (0..count).find(|&index| pixel(index).is_some())?;
     let points: Vec<[bool; 2]> = (first..count).map_while(pixel).map(is_floor).collect();
     let share = |at: usize| {
-        points[at..at + WINDOW].iter().filter(|is_floor| **is_floor).count() as f64 / WINDOW as f64
+        points[at..at + WINDOW].iter().filter(|[is_floor, _]| *is_floor).count() as f64 / WINDOW as f64
     };
     let windows = 0..(points.len() + 1).saturating_sub(WINDOW);
     let start = windows.clone().find(|&at| share(at) > MIN_FIRST_SHARE)?;
     let end = windows.clone().skip(start).find(|&at| share(at) <= MIN_SHARE);
     let last = match end {
-        Some(end) => (start..end).rev().find(|&at| points[at]).unwrap_or(start) + 1,
+        Some(end) => {
+            let blurred = (start..end).rev().find(|&at| points[at][0]).unwrap_or(start) + 1;
+            // The blur mixes the colours at the end of the floor.
+            let sharp = points[blurred..].iter().take(WINDOW).take_while(|[_, is_sharp]| *is_sharp).count();
+            blurred + sharp
+        }
         None => points.len() - 1,
     };
     Some(FloorRay {
