@@ -44,20 +44,17 @@ pub(crate) struct FloorScan {
 impl FloorScan {
     /// Measures the visible floor. `image` is the small image of the view.
     pub(crate) fn new(view: &View, local: &LocalView, image: &LabImage) -> Self {
-        /// Standard deviations of the blur, in pixels of the small image. The first removes joints between tiles; the
-        /// second preserves the ends of the floor.
-        const BLURS_PX: [f32; 2] = [2.0, 0.7];
+        /// Standard deviation of the blur, in pixels of the small image. It removes joints between tiles.
+        const BLUR_PX: f32 = 2.0;
         /// Angle between two rays, in degrees.
         const RAY_STEP_DEG: f64 = 1.5;
-        let [colours, sharp] = BLURS_PX.map(|sigma| image.blurred(sigma));
+        let colours = image.blurred(BLUR_PX);
         let Some(floor) = FloorColour::new(&floor_samples(local, image, &colours)) else {
             return Self::default();
         };
         let count = (360.0 / RAY_STEP_DEG) as usize;
         let heading = |index: usize| (index as f64 * RAY_STEP_DEG - 180.0).to_radians();
-        let is_floor = |index: usize| {
-            [&colours, &sharp].map(|colours| image.is_visible[index] && floor.contains(colours[index]))
-        };
+        let is_floor = |index: usize| image.is_visible[index] && floor.contains(colours[index]);
         let rays = (0..count).filter_map(|index| ray(local, image, &is_floor, heading(index))).collect();
         Self { rays, edge_direction: edge_direction(view, local) }
     }
@@ -146,12 +143,11 @@ impl FloorColour {
     }
 }
 
-/// Follows the floor from the camera in one direction. `is_floor` states whether the floor has the colour of a pixel in
-/// the blurred and in the sharp image. Returns `None` if the image shows no floor there.
+/// Follows the floor from the camera in one direction. Returns `None` if the image shows no floor there.
 fn ray(
     local: &LocalView,
     image: &LabImage,
-    is_floor: &dyn Fn(usize) -> [bool; 2],
+    is_floor: &dyn Fn(usize) -> bool,
     heading: f64,
 ) -> Option<FloorRay> {
     /// Distance between two points of a ray, in heights.
@@ -172,20 +168,15 @@ fn ray(
     };
     let count = ((MAX_DISTANCE - distance(0)) / STEP) as usize;
     let first = (0..count).find(|&index| pixel(index).is_some())?;
-    let points: Vec<[bool; 2]> = (first..count).map_while(pixel).map(is_floor).collect();
+    let points: Vec<bool> = (first..count).map_while(pixel).map(is_floor).collect();
     let share = |at: usize| {
-        points[at..at + WINDOW].iter().filter(|[is_floor, _]| *is_floor).count() as f64 / WINDOW as f64
+        points[at..at + WINDOW].iter().filter(|is_floor| **is_floor).count() as f64 / WINDOW as f64
     };
     let windows = 0..(points.len() + 1).saturating_sub(WINDOW);
     let start = windows.clone().find(|&at| share(at) > MIN_FIRST_SHARE)?;
     let end = windows.clone().skip(start).find(|&at| share(at) <= MIN_SHARE);
     let last = match end {
-        Some(end) => {
-            let blurred = (start..end).rev().find(|&at| points[at][0]).unwrap_or(start) + 1;
-            // The blur mixes the colours at the end of the floor.
-            let sharp = points[blurred..].iter().take(WINDOW).take_while(|[_, is_sharp]| *is_sharp).count();
-            blurred + sharp
-        }
+        Some(end) => (start..end).rev().find(|&at| points[at]).unwrap_or(start) + 1,
         None => points.len() - 1,
     };
     Some(FloorRay {

@@ -386,7 +386,8 @@ mod tests {
                 panic!("not found")
             };
             let off = found.by.distance(FloorPoint::new(1.0, -8.0));
-            assert!(off < 0.1 && wrapped(found.turn + 0.6).abs() < 0.02, "{found:?}");
+            // The prior of the height shifts the camera by less than its uncertainty.
+            assert!(off < 0.2 && wrapped(found.turn + 0.6).abs() < 0.02, "{found:?}");
             assert!((found.scale * 3.0 - 2.6).abs() < 0.08, "{found:?}");
         }
         let scan = scan(&plan, &truth, None);
