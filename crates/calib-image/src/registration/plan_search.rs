@@ -13,7 +13,7 @@
 //! The score is the logarithm of the likelihood relative to uniform distances, divided by the number of neighbouring
 //! rays that share their errors. The search tries all positions on a grid, with the yaws for which the floor edges have
 //! the direction of the lines on the plan. The best poses are refined. A pose is accepted only if it is much more likely
-//! than all others.
+//! than all others. Then each camera of the group is refined alone, because the relative poses of the group have errors.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -98,6 +98,9 @@ struct PlanSearch<'a> {
     direction: Option<f64>,
     /// Standard deviation of the log scale.
     scale_sigma: f64,
+    /// Standard deviations of rotation (radians) and position (metres), if the given pose is approximately known in the
+    /// frame of the plan.
+    group_sigmas: Option<[f64; 2]>,
 }
 
 /// Searches the place of a group of cameras on the plan. `scale_sigma` is the standard deviation of the log of their
@@ -133,6 +136,17 @@ pub(crate) fn locate(
     })
 }
 
+/// Refines the pose of one camera in the frame of the plan. Returns its similarity from the given to the refined pose.
+pub(crate) fn refine_camera(plan: &PlanObstacles, camera: ScannedCamera) -> Placement {
+    /// Standard deviation of the log of the heights within a group.
+    const HEIGHT_SIGMA: f64 = 0.05;
+    /// Standard deviations of the yaw (radians) and the position (metres) within a group.
+    const POSE_SIGMAS: [f64; 2] = [0.02, 0.25];
+    let search =
+        PlanSearch { group_sigmas: Some(POSE_SIGMAS), ..PlanSearch::new(plan, &[camera], HEIGHT_SIGMA) };
+    search.placement(&search.refine(Pose { score: 0.0, turn: 0.0, log_scale: 0.0, at: search.origin }))
+}
+
 impl<'a> PlanSearch<'a> {
     fn new(plan: &'a PlanObstacles, cameras: &[ScannedCamera], scale_sigma: f64) -> Self {
         let ray = |camera: &Camera, ray: &FloorRay| {
@@ -160,7 +174,7 @@ impl<'a> PlanSearch<'a> {
         let [sin, cos] =
             [f64::sin, f64::cos].map(|of| directions.iter().map(|angle| of(4.0 * angle)).sum::<f64>());
         let direction = (!directions.is_empty()).then(|| sin.atan2(cos) / 4.0);
-        Self { plan, rays, origin, direction, scale_sigma }
+        Self { plan, rays, origin, direction, scale_sigma, group_sigmas: None }
     }
 
     /// Returns the rotations that are tried.
@@ -212,7 +226,7 @@ impl<'a> PlanSearch<'a> {
             let score = |&at: &[f64; 2]| {
                 let score =
                     stride as f64 * self.rays_score(rays.iter().copied(), [turn, log_scale, at[0], at[1]]);
-                Pose { score: score - self.prior(log_scale), turn, log_scale, at }
+                Pose { score: score - self.prior([turn, log_scale, at[0], at[1]]), turn, log_scale, at }
             };
             let mut poses: Vec<Pose> = positions.iter().map(score).collect();
             poses.sort_by(|a, b| b.score.total_cmp(&a.score));
@@ -238,7 +252,7 @@ impl<'a> PlanSearch<'a> {
         /// Largest number of sweeps over the parameters in a round.
         const SWEEPS: usize = 12;
         let score =
-            |parameters: [f64; 4]| self.rays_score(self.rays.iter(), parameters) - self.prior(parameters[1]);
+            |parameters: [f64; 4]| self.rays_score(self.rays.iter(), parameters) - self.prior(parameters);
         let mut best = start.parameters();
         let mut highest = score(best);
         let mut steps = STEPS;
@@ -272,8 +286,13 @@ impl<'a> PlanSearch<'a> {
         Pose { score: highest, turn, log_scale, at: [x, y] }
     }
 
-    fn prior(&self, log_scale: f64) -> f64 {
-        0.5 * (log_scale / self.scale_sigma).powi(2)
+    /// Returns the cost of the parameters under their prior.
+    fn prior(&self, [turn, log_scale, x, y]: [f64; 4]) -> f64 {
+        let of_scale = 0.5 * (log_scale / self.scale_sigma).powi(2);
+        self.group_sigmas.map_or(of_scale, |[turn_sigma, sigma_m]| {
+            let [dx, dy] = [x - self.origin[0], y - self.origin[1]];
+            of_scale + 0.5 * (turn / turn_sigma).powi(2) + 0.5 * (dx.hypot(dy) / sigma_m).powi(2)
+        })
     }
 
     /// Returns the sum of the scores of rays.

@@ -9,7 +9,7 @@ use crate::registration::floor_scan::FloorScan;
 use crate::registration::local_view::View;
 use crate::registration::pair_search::{PairDecision, PairRegistration, register_pair};
 use crate::registration::plan_obstacles::PlanObstacles;
-use crate::registration::plan_search::{PlanPose, ScannedCamera, locate};
+use crate::registration::plan_search::{PlanPose, ScannedCamera, locate, refine_camera};
 use crate::registration::relative_pose::wrapped;
 use crate::registration::site_colours::{SiteColours, small_image};
 use crate::registration::site_registration::{SiteRegistration, join};
@@ -54,30 +54,35 @@ impl SearchedPlan {
         })
     }
 
-    /// Searches the place of a group of views. Returns the result with the similarity to the frame of the site, or `None`
-    /// if the search was cancelled.
-    fn locate(&self, group: &[(usize, &Camera)], progress: &mut dyn FnMut(f64) -> bool) -> Option<PlanPose> {
+    /// Searches the place of a group of views. Returns the cameras in the frame of the site, or `None` if the search was
+    /// cancelled.
+    fn locate(
+        &self,
+        group: &[(usize, &Camera)],
+        progress: &mut dyn FnMut(f64) -> bool,
+    ) -> Option<Result<Vec<Camera>, Frame>> {
         /// Standard deviations of the log of the scale, if all heights are measured and if they are assumed.
         const SCALE_SIGMAS: [f64; 2] = [0.03, 0.2];
         let is_assumed = group.iter().any(|(view, _)| !self.is_height_known[*view]);
         let cameras: Vec<ScannedCamera> =
             group.iter().map(|&(view, camera)| ScannedCamera { camera, scan: &self.scans[view] }).collect();
         let sigma = SCALE_SIGMAS[usize::from(is_assumed)];
-        Some(match locate(&self.obstacles, &cameras, sigma, progress)? {
-            PlanPose::Found(pose) => PlanPose::Found(self.in_site(&pose)),
-            other => other,
-        })
-    }
-
-    /// Converts a similarity to the frame of the plan into one to the frame of the site.
-    fn in_site(&self, pose: &Placement) -> Placement {
-        let pixel =
-            PlanPixel::new(pose.by.x / self.scale.metres_per_px, -pose.by.y / self.scale.metres_per_px);
-        Placement {
-            by: self.scale.floor_from_plan(pixel),
-            turn: wrapped(pose.turn - self.scale.x_axis),
-            ..*pose
-        }
+        let frame = match locate(&self.obstacles, &cameras, sigma, progress)? {
+            PlanPose::Found(frame) => frame,
+            PlanPose::Ambiguous => return Some(Err(Frame::Ambiguous)),
+            PlanPose::NotFound => return Some(Err(Frame::Unknown)),
+        };
+        let origin = self.scale.floor_from_plan(PlanPixel::new(0.0, 0.0));
+        let to_site = Placement { by: origin, turn: -self.scale.x_axis, scale: 1.0 };
+        let placed = |&ScannedCamera { camera, scan }: &ScannedCamera| {
+            let mut on_plan = moved(camera, &frame);
+            if group.len() > 1 {
+                let refined = refine_camera(&self.obstacles, ScannedCamera { camera: &on_plan, scan });
+                on_plan = moved(&on_plan, &refined);
+            }
+            moved(&on_plan, &to_site)
+        };
+        Some(Ok(cameras.iter().map(placed).collect()))
     }
 }
 
@@ -131,8 +136,8 @@ pub struct PairPlacement {
 enum Frame {
     /// Similarity to the frame of the site, from cameras that are already placed.
     OfPlaced(Placement),
-    /// Similarity to the frame of the site, from the plan.
-    OnPlan(Placement),
+    /// The poses are in the frame of the site, from the plan.
+    OnPlan,
     /// The group determines the frame of the site.
     Own,
     /// Unknown: several places on the plan agree with the visible floor.
@@ -145,15 +150,15 @@ impl Frame {
     /// Returns the similarity to the frame of the site, if it is known.
     fn placement(self) -> Option<Placement> {
         match self {
-            Self::OfPlaced(frame) | Self::OnPlan(frame) => Some(frame),
-            Self::Own => Some(Placement::NONE),
+            Self::OfPlaced(frame) => Some(frame),
+            Self::OnPlan | Self::Own => Some(Placement::NONE),
             Self::Ambiguous | Self::Unknown => None,
         }
     }
 
     /// Whether the frame determines the heights. Colours determine only their ratios.
     fn sets_height(self) -> bool {
-        matches!(self, Self::OfPlaced(_) | Self::OnPlan(_))
+        matches!(self, Self::OfPlaced(_) | Self::OnPlan)
     }
 
     /// Describes the placement of a camera of a group with `others`.
@@ -162,7 +167,7 @@ impl Frame {
             Self::OfPlaced(_) | Self::Own => format!(
                 "it was placed by matching colours with {others}; the position can be wrong by half a metre"
             ),
-            Self::OnPlan(_) => format!(
+            Self::OnPlan => format!(
                 "it was placed on the plan by its visible floor, together with {others}; the position can be wrong by \
                  half a metre"
             ),
@@ -179,7 +184,7 @@ impl Frame {
     /// Describes the placement of a camera without a group.
     fn reason_of_single(self) -> &'static str {
         match self {
-            Self::OnPlan(_) => {
+            Self::OnPlan => {
                 "it was placed on the plan by its visible floor; the position can be wrong by half a metre"
             }
             Self::Ambiguous => {
@@ -312,7 +317,8 @@ impl PlacementSearch {
         let share = if self.plan.is_some() { JOINT_SHARE } else { 1.0 };
         let mut registration = join(&self.colours, pairs, &mut |done| progress(share * done))?;
         self.add_single_cameras(site, &mut registration);
-        let frames = self.frames(site, &registration, &mut |done| progress(share + (1.0 - share) * done))?;
+        let frames =
+            self.frames(site, &mut registration, &mut |done| progress(share + (1.0 - share) * done))?;
         let cameras: Vec<CameraPlacement> =
             (0..site.cameras.len()).map(|camera| self.camera(site, camera, &registration, &frames)).collect();
         let indices = |group: &Vec<usize>| group.iter().map(|&view| self.cameras[view]).collect();
@@ -344,11 +350,12 @@ impl PlacementSearch {
         }
     }
 
-    /// Returns the frame of each group. Returns `None` if the search was cancelled.
+    /// Returns the frame of each group, and moves the cameras that the plan places. Returns `None` if the search was
+    /// cancelled.
     fn frames(
         &self,
         site: &Site,
-        registration: &SiteRegistration,
+        registration: &mut SiteRegistration,
         progress: &mut dyn FnMut(f64) -> bool,
     ) -> Option<Vec<Frame>> {
         let count = registration.groups.len() as f64;
@@ -358,19 +365,28 @@ impl PlacementSearch {
             let poses = placed.filter_map(|&view| {
                 Some((registration.cameras[view]?, site.cameras[self.cameras[view]].camera()?))
             });
-            frames.push(match (group_frame(&poses.collect::<Vec<_>>()), &self.plan) {
-                (Some(frame), _) => Frame::OfPlaced(frame),
-                (None, Some(plan)) => {
-                    let members: Vec<(usize, &Camera)> = (group.iter())
-                        .filter_map(|&view| Some((view, registration.cameras[view].as_ref()?)))
-                        .collect();
-                    match plan.locate(&members, &mut |done| progress((index as f64 + done) / count))? {
-                        PlanPose::Found(frame) => Frame::OnPlan(frame),
-                        PlanPose::Ambiguous => Frame::Ambiguous,
-                        PlanPose::NotFound => Frame::Unknown,
-                    }
+            if let Some(frame) = group_frame(&poses.collect::<Vec<_>>()) {
+                frames.push(Frame::OfPlaced(frame));
+                continue;
+            }
+            let Some(plan) = &self.plan else {
+                frames.push(Frame::Unknown);
+                continue;
+            };
+            let members: Vec<(usize, &Camera)> = (group.iter())
+                .filter_map(|&view| Some((view, registration.cameras[view].as_ref()?)))
+                .collect();
+            let found = plan.locate(&members, &mut |done| progress((index as f64 + done) / count))?;
+            frames.push(match found {
+                Ok(cameras) => {
+                    let views: Vec<usize> = members.iter().map(|(view, _)| *view).collect();
+                    views
+                        .into_iter()
+                        .zip(cameras)
+                        .for_each(|(view, own)| registration.cameras[view] = Some(own));
+                    Frame::OnPlan
                 }
-                (None, None) => Frame::Unknown,
+                Err(frame) => frame,
             });
         }
         let is_free = self.plan.is_none() && !(0..site.cameras.len()).any(|index| is_kept(site, index));
@@ -408,9 +424,7 @@ impl PlacementSearch {
         let frame = frames[group];
         let placement = frame.placement().map(|own| placement_in(&own, &pose, frame.sets_height()));
         let reason = match frame {
-            Frame::OnPlan(_) | Frame::Ambiguous | Frame::Unknown if is_single => {
-                frame.reason_of_single().into()
-            }
+            Frame::OnPlan | Frame::Ambiguous | Frame::Unknown if is_single => frame.reason_of_single().into(),
             _ => frame.reason(&self.others(site, view, registration)),
         };
         let group = (!is_single).then_some(group);
@@ -523,11 +537,15 @@ fn group_frame(poses: &[(Camera, Camera)]) -> Option<Placement> {
     Some(Placement { by, turn, scale })
 }
 
+/// Returns the camera after a similarity of the floor.
+fn moved(camera: &Camera, by: &Placement) -> Camera {
+    let position = by.map_point(camera.position.on_floor()).at_height(by.scale * camera.position.z);
+    Camera { position, yaw: wrapped(camera.yaw + by.turn), ..*camera }
+}
+
 /// Returns the placement of a camera of a group with this frame.
 fn placement_in(frame: &Placement, pose: &Camera, sets_height: bool) -> PlacementEntry {
-    let position = frame.map_point(pose.position.on_floor()).at_height(frame.scale * pose.position.z);
-    let moved = Camera { position, yaw: wrapped(pose.yaw + frame.turn), ..*pose };
-    let entry = PlacementEntry::from(Placement::from_camera(&moved));
+    let entry = PlacementEntry::from(Placement::from_camera(&moved(pose, frame)));
     PlacementEntry { scale: entry.scale.filter(|_| sets_height), estimated: true, ..entry }
 }
 
