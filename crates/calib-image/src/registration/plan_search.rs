@@ -457,5 +457,10 @@ mod tests {
             "{found:?}"
         );
         assert!((found.scale / frame.scale - 1.0).abs() < 0.03, "{found:?}");
+        // A camera with a small error is moved to its place.
+        let shifted = Camera { position: WorldPoint::new(1.2, -8.15, 2.65), yaw: -0.59, ..truths[0] };
+        let refined = refine_camera(&plan, ScannedCamera { camera: &shifted, scan: &scans[0] });
+        let off = refined.map_point(FloorPoint::new(1.2, -8.15)).distance(FloorPoint::new(1.0, -8.0));
+        assert!(off < 0.1, "{refined:?}");
     }
 }

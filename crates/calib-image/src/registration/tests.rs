@@ -1,8 +1,13 @@
 //! Tests of the registration with rendered scenes: coloured boxes on a grey floor.
 
-use calib_core::{Camera, Covariance, Lens, Pixel, WorldPoint};
+use calib_core::{Camera, Covariance, FloorPoint, Lens, Pixel, WorldPoint};
 use image::{Rgb, RgbImage};
 
+use crate::registration::floor_scan::FloorScan;
+use crate::registration::plan_obstacles::PlanObstacles;
+use crate::registration::plan_search::{PlanPose, ScannedCamera, locate};
+use crate::registration::relative_pose::wrapped;
+use crate::registration::site_colours::small_image;
 use crate::{PairDecision, PairRegistration, SiteColours, View, join, register, register_pair};
 
 const SIZE: [u32; 2] = [480, 270];
@@ -229,4 +234,43 @@ fn registration_can_be_cancelled() {
         done < 0.5
     };
     assert!(register(&views(&truth, &images), &mut progress).is_none());
+}
+
+/// Draws the plan of a scene: the footprints of its boxes, 20 by 20 m at 0.025 m per pixel, with the origin in the middle.
+fn plan(blocks: &[Block]) -> PlanObstacles {
+    let image = RgbImage::from_fn(800, 800, |x, y| {
+        let at = [f64::from(x) + 0.5 - 400.0, 400.0 - f64::from(y) - 0.5].map(|pixels| 0.025 * pixels);
+        let is_in = |block: &Block| (0..2).all(|i| (block.low[i]..block.high[i]).contains(&at[i]));
+        Rgb([if blocks.iter().any(is_in) { 60 } else { 250 }; 3])
+    });
+    PlanObstacles::new(&image, 0.025).unwrap()
+}
+
+#[test]
+fn cameras_of_rendered_scenes_are_found_on_the_plan_or_abstain() {
+    let mut counts = [0; 3];
+    for seed in 1..=6 {
+        let blocks = scene(0x1234_5678_9abc_def1 * seed);
+        let plan = plan(&blocks);
+        for truth in cameras() {
+            let image = render(&truth, &blocks);
+            // The place is unknown, and the height is assumed to be 3.5 m.
+            let given = Camera { position: WorldPoint::new(0.0, 0.0, 3.5), yaw: 0.0, ..truth };
+            let (small, local) = small_image(&view((&given, &image))).unwrap();
+            let scan = FloorScan::new(&view((&given, &image)), &local, &small);
+            let camera = ScannedCamera { camera: &given, scan: &scan };
+            let found = locate(&plan, &[camera], 0.15, &mut |_| true).unwrap();
+            let PlanPose::Found(found) = found else {
+                counts[2] += 1;
+                continue;
+            };
+            // The plan has its origin at the upper left corner.
+            let expected = FloorPoint::new(truth.position.x + 10.0, truth.position.y - 10.0);
+            let turn = wrapped(found.turn - truth.yaw).abs();
+            let is_right = found.by.distance(expected) < 0.5 && turn < 0.05;
+            counts[usize::from(!is_right)] += 1;
+        }
+    }
+    println!("right, wrong, not found: {counts:?}");
+    assert!(counts[0] >= 6 && counts[1] == 0, "right, wrong, not found: {counts:?}");
 }
