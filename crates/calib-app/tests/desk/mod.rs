@@ -182,7 +182,7 @@ impl Desk {
         let point = self.screen(pane, at);
         self.drag_screen(&[point], Modifiers::NONE);
         // Otherwise the next click would be a double click.
-        self.harness.run_steps(30);
+        self.harness.run_steps(3);
     }
 
     /// Draws a line on the image of a camera.
