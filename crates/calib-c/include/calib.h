@@ -17,13 +17,13 @@
 // Pixels count from the centre of the first pixel, as in OpenCV.
 #define CALIB_ORIGIN_CENTRE 1
 
-// No fit stated. An error if the aspect ratio of the stream differs.
+// Fit not selected. The call fails if the aspect ratio of the stream differs from that of the image.
 #define CALIB_FIT_UNSAID 0
 
-// Each side is scaled separately.
+// Width and height of the image are scaled separately to those of the stream.
 #define CALIB_FIT_STRETCH 1
 
-// Both sides have the same scale, with equal bars on two sides.
+// Width and height of the image have the same scale, with equal bars on two sides of the stream.
 #define CALIB_FIT_LETTERBOX 2
 
 // Box as upper left corner, width and height.
@@ -65,11 +65,11 @@
 // No result: the pixel shows the wall of a pit, between its plane and the floor.
 #define CALIB_STATUS_ON_WALL 8
 
-// Number of distortion coefficients of the model with the most.
+// Largest number of distortion coefficients of a model.
 #define CALIB_COEFFICIENTS 12
 
-// Number of parameters of a camera: x, y, z, yaw, pitch, roll, focal length, five distortion coefficients
-// and the principal point.
+// Number of parameters of a camera: x, y, z, yaw, pitch, roll, focal length, five distortion coefficients, the
+// principal point (two) and the pixel aspect.
 #define CALIB_UNKNOWNS 15
 
 // Result of a call.
@@ -102,8 +102,8 @@ typedef struct CalibSite CalibSite;
 typedef struct CalibStream {
   // Pixel origin: `CALIB_ORIGIN_CORNER` or `CALIB_ORIGIN_CENTRE`.
   uint32_t origin;
-  // `CALIB_FIT_STRETCH` or `CALIB_FIT_LETTERBOX`; required if the aspect ratio differs from that of the
-  // image.
+  // Fit of the image to the stream: `CALIB_FIT_UNSAID`, `CALIB_FIT_STRETCH` or `CALIB_FIT_LETTERBOX`. One of the
+  // last two is required if the aspect ratio of the stream differs from that of the image.
   uint32_t fit;
   // Width, in pixels. If width and height are 0, the stream has the size of the image or its crop.
   uint32_t width;
@@ -142,12 +142,13 @@ enum CalibResult calib_site_parse(const char *json,
 
 // Calibrates a site from its annotations and entered values.
 //
-// `*solved` receives a new handle of the site with its solutions. A camera that cannot be solved does not
-// prevent the others; its entry contains the reason.
+// `*solved` receives a new handle of the site with its solutions, to be freed by `calib_site_free`. A camera that
+// cannot be solved does not prevent the others from being solved; its entry contains the reason.
 //
 // # Safety
 // `site` is a handle that is not freed during the call, and `*solved` can be written.
-enum CalibResult calib_site_calibrate(const struct CalibSite *site, struct CalibSite **solved);
+enum CalibResult calib_site_calibrate(const struct CalibSite *site,
+                                      struct CalibSite **solved);
 
 // Writes a site as zero-terminated JSON text into `buffer`, and the required size in bytes into `*needed`.
 //
@@ -307,15 +308,17 @@ enum CalibResult calib_camera_distortion(const struct CalibCamera *camera,
 
 // Writes the covariance of the camera's parameters, a square matrix with `CALIB_UNKNOWNS` rows.
 //
-// Their order is x, y, z (metres), yaw, pitch, roll (radians), focal length (pixels of the calibrated
-// image), five distortion coefficients, and the principal point u, v (pixels of the calibrated image). For a
-// fisheye the fifth distortion parameter is the logarithm of the lens's focal length. Rows of fixed
-// parameters are 0. A variance is infinite if it is unknown, for example of z without a known scale.
+// They are x, y, z (metres), yaw, pitch, roll (radians), and focal length (pixels of the calibrated image). Five
+// distortion coefficients follow in the order of their model, then the principal point u, v (pixels of the
+// calibrated image) and the pixel aspect. For a fisheye the fifth distortion parameter is the logarithm of the
+// lens's focal length. Rows of fixed parameters are 0. A variance is infinite if it is unknown, for example of z
+// without a known scale.
 //
 // # Safety
 // `camera` is a handle that is not freed during the call. `CALIB_UNKNOWNS` squared values of `covariance`
 // can be written.
-enum CalibResult calib_camera_covariance(const struct CalibCamera *camera, double *covariance);
+enum CalibResult calib_camera_covariance(const struct CalibCamera *camera,
+                                         double *covariance);
 
 // Maps pixels to points of the plane `height_m` metres above the floor.
 //
@@ -354,9 +357,9 @@ enum CalibResult calib_camera_boxes_to_floor(const struct CalibCamera *camera,
 // the stream.
 //
 // `pixel` and `calibration` receive four values for each of `count` pixels: xx, xy, yx, yy in square metres.
-// The part of the pixel is independent for each detection. The part of the calibration is common to all
-// detections of a camera, so a filter must not average it away. Both are NaN without a point. `calibration`
-// is also NaN if the errors of the calibration or its scale (`calib_camera_scale_known`) are unknown.
+// The pixel part is independent between detections. The calibration part is common to all detections of a camera, so
+// a filter must not average it away. Both are NaN without a point. `calibration` is also NaN if the errors of the
+// calibration or its scale (`calib_camera_scale_known`) are unknown.
 //
 // # Safety
 // `camera` is a handle that is not freed during the call. `count` values of `u`, `v` can be read. Four times
