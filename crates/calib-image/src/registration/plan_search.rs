@@ -13,7 +13,8 @@
 //! The score is the logarithm of the likelihood relative to uniform distances, divided by the number of neighbouring
 //! rays that share their errors. The search tries all positions on a grid, with the yaws for which the floor edges have
 //! the direction of the lines on the plan. The best poses are refined. A pose is accepted only if it is much more likely
-//! than all others. Then each camera of the group is refined alone, because the relative poses of the group have errors.
+//! than all others. The relative poses of a group have errors. Therefore each camera of a group is also refined alone, near
+//! its pose in the group, and the scores of the refined cameras decide.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -33,6 +34,8 @@ const MIN_BLOCKED: usize = 12;
 const SHARED_RAYS: f64 = 3.0;
 /// Number of poses that are refined.
 const REFINED: usize = 12;
+/// Standard deviation of the ends of rays due to the errors of the relative poses of a group, in metres.
+const RELATIVE_SIGMA_M: f64 = 0.3;
 /// Distance in metres, and angle in radians, below which two poses are the same.
 const SAME: [f64; 2] = [0.8, 0.2];
 
@@ -47,8 +50,8 @@ pub(crate) struct ScannedCamera<'a> {
 /// Result of the search for the place of a group on the plan.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum PlanPose {
-    /// Similarity from the frame of the group to the frame of the plan.
-    Found(Placement),
+    /// Cameras of the group in the frame of the plan.
+    Found(Vec<Camera>),
     /// Several poses on the plan agree with the visible floor.
     Ambiguous,
     /// No pose on the plan agrees with the visible floor.
@@ -100,7 +103,9 @@ struct PlanSearch<'a> {
     scale_sigma: f64,
     /// Standard deviations of rotation (radians) and position (metres), if the given pose is approximately known in the
     /// frame of the plan.
-    group_sigmas: Option<[f64; 2]>,
+    pose_sigmas: Option<[f64; 2]>,
+    /// Standard deviation of the ends of the rays due to the relative poses of the group, in metres.
+    relative_sigma_m: f64,
 }
 
 /// Searches the place of a group of cameras on the plan. `scale_sigma` is the standard deviation of the log of their
@@ -116,35 +121,31 @@ pub(crate) fn locate(
     if search.rays.iter().filter(|ray| ray.is_blocked).count() < MIN_BLOCKED {
         return Some(PlanPose::NotFound);
     }
-    let mut refined: Vec<Pose> = Vec::new();
+    let mut refined: Vec<(Pose, Vec<Camera>)> = Vec::new();
     for start in search.coarse_maxima(progress)? {
-        let pose = search.refine(start);
-        match refined.iter_mut().find(|other| other.is_same(&pose)) {
-            Some(other) if other.score < pose.score => *other = pose,
+        let (pose, placed) = search.place_cameras(cameras, search.refine(start));
+        match refined.iter_mut().find(|(other, _)| other.is_same(&pose)) {
+            Some((other, cameras)) if other.score < pose.score => (*other, *cameras) = (pose, placed),
             Some(_) => {}
-            None => refined.push(pose),
+            None => refined.push((pose, placed)),
         }
     }
-    let Some(best) = refined.iter().copied().max_by(|a, b| a.score.total_cmp(&b.score)) else {
+    let Some(best) = refined.iter().max_by(|a, b| a.0.score.total_cmp(&b.0.score)) else {
         return Some(PlanPose::NotFound);
     };
-    let probability = 1.0 / refined.iter().map(|pose| (pose.score - best.score).exp()).sum::<f64>();
+    let score = best.0.score;
+    let probability = 1.0 / refined.iter().map(|(pose, _)| (pose.score - score).exp()).sum::<f64>();
     Some(match () {
-        () if best.score < MIN_SCORE => PlanPose::NotFound,
+        () if score < MIN_SCORE => PlanPose::NotFound,
         () if probability < MIN_PROBABILITY => PlanPose::Ambiguous,
-        () => PlanPose::Found(search.placement(&best)),
+        () => PlanPose::Found(best.1.clone()),
     })
 }
 
-/// Refines the pose of one camera in the frame of the plan. Returns its similarity from the given to the refined pose.
-pub(crate) fn refine_camera(plan: &PlanObstacles, camera: ScannedCamera) -> Placement {
-    /// Standard deviation of the log of the heights within a group.
-    const HEIGHT_SIGMA: f64 = 0.05;
-    /// Standard deviations of the yaw (radians) and the position (metres) within a group.
-    const POSE_SIGMAS: [f64; 2] = [0.02, 0.25];
-    let search =
-        PlanSearch { group_sigmas: Some(POSE_SIGMAS), ..PlanSearch::new(plan, &[camera], HEIGHT_SIGMA) };
-    search.placement(&search.refine(Pose { score: 0.0, turn: 0.0, log_scale: 0.0, at: search.origin }))
+/// Returns the camera after a similarity of the floor.
+pub(crate) fn moved(camera: &Camera, by: &Placement) -> Camera {
+    let position = by.map_point(camera.position.on_floor()).at_height(by.scale * camera.position.z);
+    Camera { position, yaw: wrapped(camera.yaw + by.turn), ..*camera }
 }
 
 impl<'a> PlanSearch<'a> {
@@ -174,7 +175,33 @@ impl<'a> PlanSearch<'a> {
         let [sin, cos] =
             [f64::sin, f64::cos].map(|of| directions.iter().map(|angle| of(4.0 * angle)).sum::<f64>());
         let direction = (!directions.is_empty()).then(|| sin.atan2(cos) / 4.0);
-        Self { plan, rays, origin, direction, scale_sigma, group_sigmas: None }
+        let relative_sigma_m = if cameras.len() > 1 { RELATIVE_SIGMA_M } else { 0.0 };
+        Self { plan, rays, origin, direction, scale_sigma, pose_sigmas: None, relative_sigma_m }
+    }
+
+    /// Returns the cameras of the group at a pose, each refined near its pose in the group. The score of the pose becomes
+    /// the sum of their scores.
+    fn place_cameras(&self, cameras: &[ScannedCamera], pose: Pose) -> (Pose, Vec<Camera>) {
+        /// Standard deviation of the log of the heights within a group.
+        const HEIGHT_SIGMA: f64 = 0.05;
+        /// Standard deviations of the yaw (radians) and the position (metres) within a group.
+        const POSE_SIGMAS: [f64; 2] = [0.02, 0.25];
+        let frame = self.placement(&pose);
+        let on_plan: Vec<Camera> = cameras.iter().map(|one| moved(one.camera, &frame)).collect();
+        if cameras.len() < 2 {
+            return (pose, on_plan);
+        }
+        let mut score = -self.prior(pose.parameters());
+        let refined = on_plan.iter().zip(cameras).map(|(camera, ScannedCamera { scan, .. })| {
+            let alone = Self::new(self.plan, &[ScannedCamera { camera, scan }], HEIGHT_SIGMA);
+            let search = Self { pose_sigmas: Some(POSE_SIGMAS), ..alone };
+            let start = Pose { score: 0.0, turn: 0.0, log_scale: 0.0, at: search.origin };
+            let best = search.refine(start);
+            score += best.score;
+            moved(camera, &search.placement(&best))
+        });
+        let refined = refined.collect();
+        (Pose { score, ..pose }, refined)
     }
 
     /// Returns the rotations that are tried.
@@ -289,7 +316,7 @@ impl<'a> PlanSearch<'a> {
     /// Returns the cost of the parameters under their prior.
     fn prior(&self, [turn, log_scale, x, y]: [f64; 4]) -> f64 {
         let of_scale = 0.5 * (log_scale / self.scale_sigma).powi(2);
-        self.group_sigmas.map_or(of_scale, |[turn_sigma, sigma_m]| {
+        self.pose_sigmas.map_or(of_scale, |[turn_sigma, sigma_m]| {
             let [dx, dy] = [x - self.origin[0], y - self.origin[1]];
             of_scale + 0.5 * (turn / turn_sigma).powi(2) + 0.5 * (dx.hypot(dy) / sigma_m).powi(2)
         })
@@ -313,7 +340,7 @@ impl<'a> PlanSearch<'a> {
             let [start, end] = [ray.start, ray.end].map(|at| at * scale);
             let first = [from[0] + start * along[0], from[1] + start * along[1]];
             let predicted = start + self.plan.range(first, along, end - start + BEYOND_M);
-            ray_score(end, predicted, ray.is_blocked)
+            ray_score(end, predicted, ray.is_blocked, self.relative_sigma_m)
         };
         rays.map(one).sum::<f64>() / SHARED_RAYS
     }
@@ -326,8 +353,9 @@ impl<'a> PlanSearch<'a> {
     }
 }
 
-/// Returns the log likelihood ratio of the measured end of a ray, in metres.
-fn ray_score(measured: f64, predicted: f64, is_blocked: bool) -> f64 {
+/// Returns the log likelihood ratio of the measured end of a ray. `added_sigma` is added to the standard deviation of a
+/// hit. All lengths are in metres.
+fn ray_score(measured: f64, predicted: f64, is_blocked: bool, added_sigma: f64) -> f64 {
     /// Standard deviation of a hit: constant in metres, and relative to the distance.
     const HIT_SIGMA: [f64; 2] = [0.10, 0.04];
     /// Weights of a hit, an unexpected obstacle, ink that is no obstacle, and an arbitrary distance.
@@ -338,7 +366,7 @@ fn ray_score(measured: f64, predicted: f64, is_blocked: bool) -> f64 {
     const MIN_SPAN_M: f64 = 6.0;
     /// Likelihood ratios of a free ray whose predicted end is beyond the measured one, and before it.
     const FREE_RATIOS: [f64; 2] = [1.16, 0.52];
-    let sigma = HIT_SIGMA[0] + HIT_SIGMA[1] * measured;
+    let sigma = (HIT_SIGMA[0] + HIT_SIGMA[1] * measured).hypot(added_sigma);
     let excess = measured - predicted;
     if !is_blocked {
         return FREE_RATIOS[usize::from(excess > sigma)].ln();
@@ -404,10 +432,10 @@ mod tests {
             let PlanPose::Found(found) = locate(&plan, &cameras, 0.2, &mut |_| true).unwrap() else {
                 panic!("not found")
             };
-            let off = found.by.distance(FloorPoint::new(1.0, -8.0));
+            let off = found[0].position.on_floor().distance(FloorPoint::new(1.0, -8.0));
             // The prior of the height shifts the camera by less than its uncertainty.
-            assert!(off < 0.2 && wrapped(found.turn + 0.6).abs() < 0.02, "{found:?}");
-            assert!((found.scale * 3.0 - 2.6).abs() < 0.08, "{found:?}");
+            assert!(off < 0.2 && wrapped(found[0].yaw + 0.6).abs() < 0.02, "{found:?}");
+            assert!((found[0].position.z - 2.6).abs() < 0.08, "{found:?}");
         }
         let scan = scan(&plan, &truth, None);
         assert_eq!(
@@ -442,25 +470,19 @@ mod tests {
         let plan = plan(&BOXES);
         let truths = [camera(1.0, -8.0, 2.6, -0.6), camera(11.0, -1.0, 3.1, 2.3)];
         let scans = truths.each_ref().map(|truth| scan(&plan, truth, None));
-        // The group has the first camera at its origin with yaw 0, and a scale of 1.2.
-        let frame = Placement { by: FloorPoint::new(1.0, -8.0), turn: -0.6, scale: 1.0 / 1.2 };
+        // The group has the first camera at its origin with yaw 0, and a scale of 1.2. The second camera has errors.
         let (sin, cos) = 0.6_f64.sin_cos();
         let apart = [10.0 * 1.2, 7.0 * 1.2];
-        let second = [cos * apart[0] - sin * apart[1], sin * apart[0] + cos * apart[1]];
-        let given = [camera(0.0, 0.0, 2.6 * 1.2, 0.0), camera(second[0], second[1], 3.1 * 1.2, 2.9)];
+        let second = [cos * apart[0] - sin * apart[1] + 0.2, sin * apart[0] + cos * apart[1] - 0.15];
+        let given = [camera(0.0, 0.0, 2.6 * 1.2, 0.0), camera(second[0], second[1], 3.2 * 1.2, 2.91)];
         let cameras = [0, 1].map(|i| ScannedCamera { camera: &given[i], scan: &scans[i] });
         let PlanPose::Found(found) = locate(&plan, &cameras, 0.2, &mut |_| true).unwrap() else {
             panic!("not found")
         };
-        assert!(
-            found.by.distance(frame.by) < 0.1 && wrapped(found.turn - frame.turn).abs() < 0.02,
-            "{found:?}"
-        );
-        assert!((found.scale / frame.scale - 1.0).abs() < 0.03, "{found:?}");
-        // A camera with a small error is moved to its place.
-        let shifted = Camera { position: WorldPoint::new(1.2, -8.15, 2.65), yaw: -0.59, ..truths[0] };
-        let refined = refine_camera(&plan, ScannedCamera { camera: &shifted, scan: &scans[0] });
-        let off = refined.map_point(FloorPoint::new(1.2, -8.15)).distance(FloorPoint::new(1.0, -8.0));
-        assert!(off < 0.1, "{refined:?}");
+        for (found, truth) in found.iter().zip(&truths) {
+            let off = found.position.on_floor().distance(truth.position.on_floor());
+            assert!(off < 0.15 && wrapped(found.yaw - truth.yaw).abs() < 0.02, "{found:?}");
+            assert!((found.position.z / truth.position.z - 1.0).abs() < 0.04, "{found:?}");
+        }
     }
 }

@@ -9,7 +9,7 @@ use crate::registration::floor_scan::FloorScan;
 use crate::registration::local_view::View;
 use crate::registration::pair_search::{PairDecision, PairRegistration, register_pair};
 use crate::registration::plan_obstacles::PlanObstacles;
-use crate::registration::plan_search::{PlanPose, ScannedCamera, locate, refine_camera};
+use crate::registration::plan_search::{PlanPose, ScannedCamera, locate, moved};
 use crate::registration::relative_pose::wrapped;
 use crate::registration::site_colours::{SiteColours, small_image};
 use crate::registration::site_registration::{SiteRegistration, join};
@@ -67,22 +67,14 @@ impl SearchedPlan {
         let cameras: Vec<ScannedCamera> =
             group.iter().map(|&(view, camera)| ScannedCamera { camera, scan: &self.scans[view] }).collect();
         let sigma = SCALE_SIGMAS[usize::from(is_assumed)];
-        let frame = match locate(&self.obstacles, &cameras, sigma, progress)? {
-            PlanPose::Found(frame) => frame,
+        let placed = match locate(&self.obstacles, &cameras, sigma, progress)? {
+            PlanPose::Found(placed) => placed,
             PlanPose::Ambiguous => return Some(Err(Frame::Ambiguous)),
             PlanPose::NotFound => return Some(Err(Frame::Unknown)),
         };
         let origin = self.scale.floor_from_plan(PlanPixel::new(0.0, 0.0));
         let to_site = Placement { by: origin, turn: -self.scale.x_axis, scale: 1.0 };
-        let placed = |&ScannedCamera { camera, scan }: &ScannedCamera| {
-            let mut on_plan = moved(camera, &frame);
-            if group.len() > 1 {
-                let refined = refine_camera(&self.obstacles, ScannedCamera { camera: &on_plan, scan });
-                on_plan = moved(&on_plan, &refined);
-            }
-            moved(&on_plan, &to_site)
-        };
-        Some(Ok(cameras.iter().map(placed).collect()))
+        Some(Ok(placed.iter().map(|camera| moved(camera, &to_site)).collect()))
     }
 }
 
@@ -535,12 +527,6 @@ fn group_frame(poses: &[(Camera, Camera)]) -> Option<Placement> {
     let moved = Placement { turn, scale, ..Placement::NONE }.map_point(pairs[0].0);
     let by = FloorPoint::new(site.position.x - moved.x, site.position.y - moved.y);
     Some(Placement { by, turn, scale })
-}
-
-/// Returns the camera after a similarity of the floor.
-fn moved(camera: &Camera, by: &Placement) -> Camera {
-    let position = by.map_point(camera.position.on_floor()).at_height(by.scale * camera.position.z);
-    Camera { position, yaw: wrapped(camera.yaw + by.turn), ..*camera }
 }
 
 /// Returns the placement of a camera of a group with this frame.

@@ -266,8 +266,8 @@ fn cameras_of_rendered_scenes_are_found_on_the_plan_or_abstain() {
             };
             // The plan has its origin at the upper left corner.
             let expected = FloorPoint::new(truth.position.x + 10.0, truth.position.y - 10.0);
-            let turn = wrapped(found.turn - truth.yaw).abs();
-            let is_right = found.by.distance(expected) < 0.5 && turn < 0.05;
+            let turn = wrapped(found[0].yaw - truth.yaw).abs();
+            let is_right = found[0].position.on_floor().distance(expected) < 0.5 && turn < 0.05;
             counts[usize::from(!is_right)] += 1;
         }
     }
