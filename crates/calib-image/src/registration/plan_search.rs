@@ -34,6 +34,11 @@ const MIN_BLOCKED: usize = 12;
 const SHARED_RAYS: f64 = 3.0;
 /// Number of poses that are refined.
 const REFINED: usize = 12;
+/// Largest deviation from the given heights, in standard deviations.
+const MAX_SCALE_DEVIATION: f64 = 2.5;
+/// Range of uniform distances, in heights of the camera. It must be proportional to the scale: otherwise small scales, at
+/// which all distances are small, would be likely on every plan.
+const SPAN: f64 = 2.0;
 /// Standard deviation of the ends of rays due to the errors of the relative poses of a group, in metres.
 const RELATIVE_SIGMA_M: f64 = 0.3;
 /// Distance in metres, and angle in radians, below which two poses are the same.
@@ -67,6 +72,8 @@ struct GroupRay {
     start: f64,
     end: f64,
     is_blocked: bool,
+    /// Range of uniform distances.
+    span: f64,
 }
 
 /// Similarity from the frame of the rays to the frame of the plan, with its score.
@@ -158,6 +165,7 @@ impl<'a> PlanSearch<'a> {
                 start: ray.start * height,
                 end: ray.end * height,
                 is_blocked: ray.is_blocked,
+                span: SPAN * height,
             }
         };
         let mut rays: Vec<GroupRay> =
@@ -218,9 +226,7 @@ impl<'a> PlanSearch<'a> {
     fn log_scales(&self) -> Vec<f64> {
         /// Distance between two log scales.
         const STEP: f64 = 0.06;
-        /// Largest deviation from the given heights, in standard deviations.
-        const REACH: f64 = 2.2;
-        let count = (REACH * self.scale_sigma / STEP).floor() as i32;
+        let count = (MAX_SCALE_DEVIATION * self.scale_sigma / STEP).floor() as i32;
         (-count..=count).map(|index| f64::from(index) * STEP).collect()
     }
 
@@ -313,8 +319,11 @@ impl<'a> PlanSearch<'a> {
         Pose { score: highest, turn, log_scale, at: [x, y] }
     }
 
-    /// Returns the cost of the parameters under their prior.
+    /// Returns the cost of the parameters under their prior; infinite for implausible heights.
     fn prior(&self, [turn, log_scale, x, y]: [f64; 4]) -> f64 {
+        if log_scale.abs() > MAX_SCALE_DEVIATION * self.scale_sigma {
+            return f64::INFINITY;
+        }
         let of_scale = 0.5 * (log_scale / self.scale_sigma).powi(2);
         self.pose_sigmas.map_or(of_scale, |[turn_sigma, sigma_m]| {
             let [dx, dy] = [x - self.origin[0], y - self.origin[1]];
@@ -340,7 +349,7 @@ impl<'a> PlanSearch<'a> {
             let [start, end] = [ray.start, ray.end].map(|at| at * scale);
             let first = [from[0] + start * along[0], from[1] + start * along[1]];
             let predicted = start + self.plan.range(first, along, end - start + BEYOND_M);
-            ray_score(end, predicted, ray.is_blocked, self.relative_sigma_m)
+            ray_score(end, predicted, (ray.is_blocked, scale * ray.span), self.relative_sigma_m)
         };
         rays.map(one).sum::<f64>() / SHARED_RAYS
     }
@@ -353,17 +362,15 @@ impl<'a> PlanSearch<'a> {
     }
 }
 
-/// Returns the log likelihood ratio of the measured end of a ray. `added_sigma` is added to the standard deviation of a
-/// hit. All lengths are in metres.
-fn ray_score(measured: f64, predicted: f64, is_blocked: bool, added_sigma: f64) -> f64 {
+/// Returns the log likelihood ratio of the measured end of a ray, which is blocked or not, to uniform distances up to
+/// `span`. `added_sigma` is added to the standard deviation of a hit. All lengths are in metres.
+fn ray_score(measured: f64, predicted: f64, (is_blocked, span): (bool, f64), added_sigma: f64) -> f64 {
     /// Standard deviation of a hit: constant in metres, and relative to the distance.
     const HIT_SIGMA: [f64; 2] = [0.10, 0.04];
     /// Weights of a hit, an unexpected obstacle, ink that is no obstacle, and an arbitrary distance.
     const WEIGHTS: [f64; 4] = [0.6, 0.25, 0.1, 0.05];
     /// Mean distance beyond ink that is no obstacle, in metres.
     const BEYOND_M: f64 = 3.0;
-    /// Smallest range of uniform distances, in metres.
-    const MIN_SPAN_M: f64 = 6.0;
     /// Likelihood ratios of a free ray whose predicted end is beyond the measured one, and before it.
     const FREE_RATIOS: [f64; 2] = [1.16, 0.52];
     let sigma = (HIT_SIGMA[0] + HIT_SIGMA[1] * measured).hypot(added_sigma);
@@ -371,7 +378,6 @@ fn ray_score(measured: f64, predicted: f64, is_blocked: bool, added_sigma: f64) 
     if !is_blocked {
         return FREE_RATIOS[usize::from(excess > sigma)].ln();
     }
-    let span = MIN_SPAN_M.max(measured);
     let hit = (-0.5 * (excess / sigma).powi(2)).exp() / (sigma * (2.0 * PI).sqrt());
     let short = if excess < 0.0 { 1.0 / predicted.max(1.0) } else { 0.0 };
     let beyond = if excess >= 0.0 { (-excess / BEYOND_M).exp() / BEYOND_M } else { 0.0 };

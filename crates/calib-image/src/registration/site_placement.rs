@@ -10,7 +10,6 @@ use crate::registration::local_view::View;
 use crate::registration::pair_search::{PairDecision, PairRegistration, register_pair};
 use crate::registration::plan_obstacles::PlanObstacles;
 use crate::registration::plan_search::{PlanPose, ScannedCamera, locate, moved};
-use crate::registration::relative_pose::wrapped;
 use crate::registration::site_colours::{SiteColours, small_image};
 use crate::registration::site_registration::{SiteRegistration, join};
 
@@ -538,6 +537,7 @@ fn placement_in(frame: &Placement, pose: &Camera, sets_height: bool) -> Placemen
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::registration::relative_pose::wrapped;
     use calib_core::{Covariance, Lens, Pixel, WorldPoint};
 
     fn camera(x: f64, y: f64, z: f64, yaw: f64) -> Camera {
