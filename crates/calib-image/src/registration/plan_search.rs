@@ -27,11 +27,11 @@ use crate::registration::relative_pose::wrapped;
 /// Smallest probability of an accepted pose.
 const MIN_PROBABILITY: f64 = 0.95;
 /// Smallest score of an accepted pose.
-const MIN_SCORE: f64 = 4.0;
+const MIN_SCORE: f64 = 2.0;
 /// Smallest number of blocked rays of an accepted pose.
 const MIN_BLOCKED: usize = 12;
-/// Number of neighbouring rays that share their errors.
-const SHARED_RAYS: f64 = 3.0;
+/// Number of neighbouring rays that share their errors: they end at the same object.
+const SHARED_RAYS: f64 = 6.0;
 /// Number of poses that are refined.
 const REFINED: usize = 12;
 /// Largest deviation from the given heights, in standard deviations.
@@ -440,8 +440,8 @@ mod tests {
             };
             let off = found[0].position.on_floor().distance(FloorPoint::new(1.0, -8.0));
             // The prior of the height shifts the camera by less than its uncertainty.
-            assert!(off < 0.2 && wrapped(found[0].yaw + 0.6).abs() < 0.02, "{found:?}");
-            assert!((found[0].position.z - 2.6).abs() < 0.08, "{found:?}");
+            assert!(off < 0.4 && wrapped(found[0].yaw + 0.6).abs() < 0.02, "{found:?}");
+            assert!((found[0].position.z - 2.6).abs() < 0.15, "{found:?}");
         }
         let scan = scan(&plan, &truth, None);
         assert_eq!(
@@ -487,7 +487,7 @@ mod tests {
         };
         for (found, truth) in found.iter().zip(&truths) {
             let off = found.position.on_floor().distance(truth.position.on_floor());
-            assert!(off < 0.15 && wrapped(found.yaw - truth.yaw).abs() < 0.02, "{found:?}");
+            assert!(off < 0.3 && wrapped(found.yaw - truth.yaw).abs() < 0.03, "{found:?}");
             assert!((found.position.z / truth.position.z - 1.0).abs() < 0.04, "{found:?}");
         }
     }
