@@ -68,7 +68,7 @@ def test_an_invalid_table_is_reported_with_python_keywords(site: calib.Site) -> 
     table = pa.table({"u": ["a"], "v": ["1"], "t": [1]})
     with pytest.raises(calib.CalibError, match='bad_rows="status"'):
         site.project(table, camera="camera-0")
-    with pytest.warns(UserWarning, match="1 cells"):
+    with pytest.warns(UserWarning, match="1 cell is"):
         assert pa.table(site.project(table, camera="camera-0", bad_rows="status"))["status"].to_pylist() == ["missing"]
     with pytest.raises(calib.CalibError, match="at_unit"):
         site.project(pa.table({"u": [1.0], "v": [1.0], "t": [1]}), camera="camera-0", at_column="t")
