@@ -76,7 +76,7 @@ fn a_plan_without_a_scale_and_options_without_a_plan_are_refused() {
     let run = scratch.calib(&["propose", "a.png", "--plan", "plan.png"]).expect_code(2);
     assert!(run.stderr.contains("--metres-per-px is missing"), "{}", run.stderr);
     let run = scratch.calib(&["propose", "a.png", "--page", "2"]).expect_code(2);
-    assert!(run.stderr.contains("--page is an option of --plan"), "{}", run.stderr);
+    assert!(run.stderr.contains("--page requires --plan"), "{}", run.stderr);
     scratch
         .calib(&["propose", "a.png", "--plan", "plan.png", "--page", "2", "--metres-per-px", "0.02"])
         .expect_code(2);

@@ -136,7 +136,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     // Wrong values are reported before the first image is read.
     args.known_lens([1920, 1080])?;
     if let Some(option) = args.drawing.given().filter(|_| args.plan.is_none()) {
-        return Err(CommandError::Usage(format!("{option} is an option of --plan, which is missing")));
+        return Err(CommandError::Usage(format!("{option} requires --plan; add --plan, or remove {option}")));
     }
     let output = args.output.as_deref().unwrap_or("-");
     let plan = args.plan.as_ref().map(|name| plan::read_entry(name, &args.drawing, output)).transpose()?;

@@ -256,7 +256,7 @@ fn area_text(result: &AreaResult<'_>) -> String {
     format!("{} {level}, {} blind{worst}: {decision}", percent(found.share), percent(found.blind_share))
 }
 
-/// Formats a share as a percentage. Only one is shown as 100 %, and only zero as 0 %.
+/// Formats a share, 0 to 1, as a percentage. Only exactly 1 is shown as 100 %, and only exactly 0 as 0 %.
 fn percent(share: f64) -> String {
     let shown = (1000.0 * share).round() / 10.0;
     let shown = if share < 1.0 && shown >= 100.0 { 99.9 } else { shown };

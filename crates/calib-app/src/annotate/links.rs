@@ -160,7 +160,7 @@ pub(crate) fn links_ui(app: &mut App, ui: &mut Ui) {
         let text = if keys::are_shown(ui.ctx()) {
             "Press K to link a point that two views show."
         } else {
-            "Choose the tool Link, then click a point that two views show."
+            "Choose the Link tool, then click a point that is visible in two views."
         };
         ui.label(RichText::new(text).color(palette.text2));
         return;

@@ -292,7 +292,7 @@ pub(crate) fn dock_ui(app: &mut App, ui: &mut Ui) {
         ui.set_min_size(ui.available_size());
         let title = match family.range {
             Some(_) => "Two of the cameras that fit equally well",
-            None => "Two cameras fit equally well",
+            None => "Two solutions fit equally well",
         };
         ui.horizontal(|ui| {
             ui.label(RichText::new(title).font(theme::medium(13.0)));

@@ -200,7 +200,9 @@ const fn state(app: &App, command: Command) -> (&'static str, bool, &'static str
             !matches!(app.view.looking, Looking::Whole),
             "Next undistorted part of the fisheye image",
         ),
-        Command::Snap => ("Snap", app.editor.session().tool.snap, "Drags snap to round positions and angles"),
+        Command::Snap => {
+            ("Snap", app.editor.session().tool.snap, "Snap to round positions and angles while dragging")
+        }
         Command::ColourByResidual => {
             ("Colour by error", app.view.layers.by_residual, "Colour lines by their residual, not by kind")
         }

@@ -117,7 +117,7 @@ impl fmt::Display for Reason {
             ),
             Self::Unusual { focal } => write!(
                 f,
-                "the roll, or the focal length of {focal:.0} px, is unusual; check that the verticals are vertical"
+                "the roll, or the focal length of {focal:.0} px, is unusual; check that the lines marked as vertical are vertical in the scene"
             ),
             Self::PixelsNotSquare { aspect } => write!(
                 f,

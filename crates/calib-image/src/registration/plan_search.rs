@@ -28,7 +28,7 @@ use crate::registration::relative_pose::wrapped;
 const MIN_PROBABILITY: f64 = 0.95;
 /// Smallest score of an accepted pose.
 const MIN_SCORE: f64 = 2.0;
-/// Smallest number of blocked rays of an accepted pose.
+/// Smallest number of rays that end at an obstacle, for an accepted pose.
 const MIN_BLOCKED: usize = 12;
 /// Number of neighbouring rays that share their errors: they end at the same object.
 const SHARED_RAYS: f64 = 6.0;
