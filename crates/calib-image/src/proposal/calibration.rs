@@ -165,7 +165,7 @@ impl AutomaticCalibration {
             ..SiteCamera::new(upright.id, image.size)
         };
         let distortion = upright.lens.and_then(|lens| lens.distortion);
-        camera.lens = Some(LensEntry { distortion, ..image.known_lens() });
+        camera.lens = Some(LensEntry { distortion, roll_deg: image.known.roll_deg, ..image.known_lens() });
         self.solution = self.solution.and_then(|_| solve_entry(&camera));
         if self.solution.is_none() {
             self.confidence = Confidence::None;
@@ -500,9 +500,10 @@ impl EdgeImage {
         SiteCamera { lens: known, ..SiteCamera::new("still", self.size) }.known_focal(lens)
     }
 
-    /// Returns the known values of the lens for a site file, with the principal point.
+    /// Returns the known values of the lens for a site file, with the principal point and without the roll. The edges
+    /// determine the roll.
     fn known_lens(&self) -> LensEntry {
-        LensEntry { principal_point_px: self.principal_point_entry(), ..self.known.clone() }
+        LensEntry { principal_point_px: self.principal_point_entry(), roll_deg: None, ..self.known.clone() }
     }
 
     /// Returns the width and height, in pixels.
