@@ -44,16 +44,21 @@ impl DrawingArgs {
         (!self.layers.is_empty()).then(|| self.layers.clone())
     }
 
-    /// Returns the name of an option that was given.
+    /// Returns the options: name, whether it is given, and the type and name of the format that it needs.
+    fn options(&self) -> [(&'static str, bool, Option<(DrawingKind, &'static str)>); 5] {
+        let (pdf, dxf) = (Some((DrawingKind::Pdf, "PDF")), Some((DrawingKind::Dxf, "DXF")));
+        [
+            ("--page", self.page.is_some(), pdf),
+            ("--scale", self.scale.is_some(), pdf),
+            ("--layer", !self.layers.is_empty(), dxf),
+            ("--unit", self.unit.is_some(), dxf),
+            ("--metres-per-px", self.metres_per_px.is_some(), None),
+        ]
+    }
+
+    /// Returns the name of an option that is given.
     pub(crate) fn given(&self) -> Option<&'static str> {
-        let options = [
-            ("--page", self.page.is_some()),
-            ("--layer", !self.layers.is_empty()),
-            ("--scale", self.scale.is_some()),
-            ("--unit", self.unit.is_some()),
-            ("--metres-per-px", self.metres_per_px.is_some()),
-        ];
-        options.into_iter().find(|(_, is_given)| *is_given).map(|(name, _)| name)
+        self.options().into_iter().find(|(_, is_given, _)| *is_given).map(|(name, ..)| name)
     }
 }
 
@@ -193,13 +198,8 @@ fn read_plan(
     let given = args.metres_per_px.map(|size| (size, "from --metres-per-px".to_owned()));
     let drawing = calib_plan::read(bytes, view).transpose().map_err(|error| invalid(error.to_string()))?;
     let kind = drawing.as_ref().map(|drawing| drawing.facts.kind);
-    for (option, is_given, needed, format) in [
-        ("--page", args.page.is_some(), DrawingKind::Pdf, "PDF"),
-        ("--scale", args.scale.is_some(), DrawingKind::Pdf, "PDF"),
-        ("--layer", !args.layers.is_empty(), DrawingKind::Dxf, "DXF"),
-        ("--unit", args.unit.is_some(), DrawingKind::Dxf, "DXF"),
-    ] {
-        if is_given && kind != Some(needed) {
+    for (option, is_given, needed) in args.options() {
+        if let Some((_, format)) = needed.filter(|(needed, _)| is_given && kind != Some(*needed)) {
             return Err(CommandError::Usage(format!("{option}: {name} is not a {format} file")));
         }
     }

@@ -23,7 +23,7 @@
 //! - `colour_classes`: classes of the site and their shares in pixels; `colour_items`: rays with a class;
 //! - `class_volume`, `direction_map`: class shares by position and by direction;
 //! - `site_colours`: prepared data of all cameras, [`SiteColours`];
-//! - `relative_pose`, `pair_score`: pose of a pair and its score;
+//! - `relative_pose`, `pair_score`: pose of a pair and its score; `pattern_search`: maximum of a score;
 //! - `coarse_search`: all poses of a pair; `pair_search`: refinement and decision, [`register_pair`];
 //! - `floor_pose`: spanning trees of pairs; `pair_model`: quadratic model of the score of a pair;
 //! - `joint_search`: maximum of all pairs of a group;
@@ -40,6 +40,7 @@ mod class_volume;
 mod direction_map;
 mod site_colours;
 mod relative_pose;
+mod pattern_search;
 mod pair_score;
 mod coarse_search;
 mod pair_search;

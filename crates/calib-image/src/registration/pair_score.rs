@@ -17,6 +17,7 @@
 use crate::registration::class_volume::{ADDED_SHARE, MAX_RAY};
 use crate::registration::colour_items::{Item, normalise_weights};
 use crate::registration::direction_map::DirectionMap;
+use crate::registration::pattern_search::PatternSearch;
 use crate::registration::relative_pose::RelativePose;
 use crate::registration::site_colours::{CameraColours, Level};
 
@@ -127,30 +128,10 @@ impl<'a> PairScore<'a> {
     /// (radians), log height ratio, and position (in heights of camera B). Returns the score and
     /// the pose.
     pub(crate) fn climb(&self, start: &RelativePose, steps: [f64; 3], rounds: usize) -> (f64, RelativePose) {
-        const SWEEPS: usize = 6;
-        let mut steps = [steps[0], steps[1], steps[2], steps[2]];
-        let mut best = start.to_parameters();
-        let mut score = self.score(start);
-        for _ in 0..rounds {
-            for _ in 0..SWEEPS {
-                let before = score;
-                for (i, step) in steps.into_iter().enumerate() {
-                    for step in [step, -step] {
-                        let mut next = best;
-                        next[i] += step;
-                        let value = self.score(&RelativePose::from_parameters(next));
-                        if value > score {
-                            (best, score) = (next, value);
-                            break;
-                        }
-                    }
-                }
-                if score <= before {
-                    break;
-                }
-            }
-            steps = steps.map(|step| 0.5 * step);
-        }
+        let search = PatternSearch { rounds, sweeps: 6, repeats_moves: false };
+        let score = |parameters| self.score(&RelativePose::from_parameters(parameters));
+        let (score, best) =
+            search.maximise(score, start.to_parameters(), [steps[0], steps[1], steps[2], steps[2]]);
         (score, RelativePose::from_parameters(best))
     }
 }

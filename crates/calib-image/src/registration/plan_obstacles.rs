@@ -11,7 +11,7 @@ const MIN_CELL_M: f64 = 0.05;
 /// Largest number of cells.
 const MAX_CELLS: f64 = 4e6;
 /// Smallest difference between the brightness of ink and of paper, of 255.
-const MIN_CONTRAST: i32 = 30;
+const MIN_CONTRAST: u8 = 30;
 
 /// Obstacles of a floor plan: everything that is drawn, such as walls, columns and furniture.
 #[derive(Clone, Debug)]
@@ -37,18 +37,16 @@ impl PlanObstacles {
         if width < 2 || height < 2 || !cell_m.is_finite() || metres_per_px <= 0.0 {
             return None;
         }
-        let brightness: Vec<i32> = image
-            .pixels()
-            .map(|pixel| pixel.0.iter().map(|&level| i32::from(level)).sum::<i32>() / 3)
+        let brightness: Vec<u8> = (image.pixels())
+            .map(|pixel| (pixel.0.iter().map(|&level| u16::from(level)).sum::<u16>() / 3) as u8)
             .collect();
-        let mut sorted = brightness.clone();
-        let (_, &mut paper, _) = sorted.select_nth_unstable(brightness.len() / 2);
+        let paper = median(&brightness);
         let side_px = cell_m / metres_per_px;
         let size = [width, height].map(|side| ((side as f64 / side_px).ceil() as usize).max(1));
         let mut ink = vec![0_u32; size[0] * size[1]];
         for (index, level) in brightness.iter().enumerate() {
             let [x, y] = [index % width, index / width].map(|at| ((at as f64 + 0.5) / side_px) as usize);
-            let is_ink = (level - paper).abs() > MIN_CONTRAST;
+            let is_ink = level.abs_diff(paper) > MIN_CONTRAST;
             ink[y.min(size[1] - 1) * size[0] + x.min(size[0] - 1)] += u32::from(is_ink);
         }
         // A thin line that crosses half the cell is an obstacle.
@@ -97,12 +95,24 @@ impl PlanObstacles {
     }
 }
 
+/// Returns the median of brightness levels; the upper one of two.
+fn median(levels: &[u8]) -> u8 {
+    let mut counts = [0_usize; 256];
+    levels.iter().for_each(|&level| counts[usize::from(level)] += 1);
+    let mut below = 0;
+    let is_reached = |count: &usize| {
+        below += count;
+        below > levels.len() / 2
+    };
+    counts.iter().position(is_reached).map_or(u8::MAX, |level| level as u8)
+}
+
 /// Returns the most frequent direction of the lines of a plan.
-fn line_direction(brightness: &[i32], [width, height]: [usize; 2]) -> Option<f64> {
+fn line_direction(brightness: &[u8], [width, height]: [usize; 2]) -> Option<f64> {
     let gradient = |index: usize| {
         let [x, y] = [1 + index % (width - 2).max(1), 1 + index / (width - 2).max(1)];
-        let at = |x: usize, y: usize| brightness[y * width + x];
-        let [right, down] = [at(x + 1, y) - at(x - 1, y), at(x, y + 1) - at(x, y - 1)].map(f64::from);
+        let at = |x: usize, y: usize| f64::from(brightness[y * width + x]);
+        let [right, down] = [at(x + 1, y) - at(x - 1, y), at(x, y + 1) - at(x, y - 1)];
         // Directions modulo a quarter turn: the line and its gradient are equivalent. The y axis of the plan points up.
         ((-down).atan2(right), right.hypot(down))
     };

@@ -21,6 +21,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use calib_core::{Camera, FloorPoint, Placement};
 
 use crate::registration::floor_scan::{FloorRay, FloorScan};
+use crate::registration::pattern_search::PatternSearch;
 use crate::registration::plan_obstacles::PlanObstacles;
 use crate::registration::relative_pose::wrapped;
 
@@ -276,47 +277,15 @@ impl<'a> PlanSearch<'a> {
         Some(maxima)
     }
 
-    /// Maximises the score by the pattern search of Hooke and Jeeves (1961).
+    /// Maximises the score from a start pose.
     fn refine(&self, start: Pose) -> Pose {
         /// First steps of rotation, log scale and position.
         const STEPS: [f64; 4] = [0.04, 0.05, 0.15, 0.15];
-        /// Number of rounds. Each round halves the steps.
-        const ROUNDS: usize = 6;
-        /// Largest number of sweeps over the parameters in a round.
-        const SWEEPS: usize = 12;
+        const SEARCH: PatternSearch = PatternSearch { rounds: 6, sweeps: 12, repeats_moves: true };
         let score =
             |parameters: [f64; 4]| self.rays_score(self.rays.iter(), parameters) - self.prior(parameters);
-        let mut best = start.parameters();
-        let mut highest = score(best);
-        let mut steps = STEPS;
-        for _ in 0..ROUNDS {
-            for _ in 0..SWEEPS {
-                let (before, old) = (highest, best);
-                for (index, step) in steps.into_iter().enumerate() {
-                    for step in [step, -step] {
-                        let mut next = best;
-                        next[index] += step;
-                        let value = score(next);
-                        if value > highest {
-                            (best, highest) = (next, value);
-                            break;
-                        }
-                    }
-                }
-                if highest <= before {
-                    break;
-                }
-                // Repeats the whole move.
-                let next = std::array::from_fn(|i| 2.0 * best[i] - old[i]);
-                let value = score(next);
-                if value > highest {
-                    (best, highest) = (next, value);
-                }
-            }
-            steps = steps.map(|step| 0.5 * step);
-        }
-        let [turn, log_scale, x, y] = best;
-        Pose { score: highest, turn, log_scale, at: [x, y] }
+        let (score, [turn, log_scale, x, y]) = SEARCH.maximise(score, start.parameters(), STEPS);
+        Pose { score, turn, log_scale, at: [x, y] }
     }
 
     /// Returns the cost of the parameters under their prior; infinite for implausible heights.
@@ -386,12 +355,13 @@ fn ray_score(measured: f64, predicted: f64, (is_blocked, span): (bool, f64), add
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use calib_core::{Covariance, Lens, Pixel, WorldPoint};
     use image::{Rgb, RgbImage};
 
-    fn camera(x: f64, y: f64, z: f64, yaw: f64) -> Camera {
+    /// Returns a camera that looks down by 0.5 radians.
+    pub(crate) fn camera(x: f64, y: f64, z: f64, yaw: f64) -> Camera {
         let lens = Lens::pinhole(Pixel::new(320.0, 240.0));
         let position = WorldPoint::new(x, y, z);
         Camera { position, yaw, pitch: 0.5, roll: 0.0, focal: 500.0, lens, covariance: Covariance::EXACT }

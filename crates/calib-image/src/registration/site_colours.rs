@@ -50,8 +50,11 @@ pub(crate) struct CameraColours {
     maps: [DirectionMap; 2],
 }
 
-/// Returns the small image of a view with its local frame; `None` for a camera that cannot be registered.
-pub(crate) fn small_image(view: &View) -> Option<(LabImage, LocalView)> {
+/// Small image of a view with its local frame; `None` for a camera that cannot be registered.
+pub(crate) type SmallImage = Option<(LabImage, LocalView)>;
+
+/// Creates the small image of a view.
+pub(crate) fn small_image(view: &View) -> SmallImage {
     let margin = RIM_PX * f64::from(view.size_px[0]) / WIDTH_PX as f64;
     let local = LocalView::new(view, margin)?;
     Some((LabImage::new(view, &local), local))
@@ -61,13 +64,17 @@ impl SiteColours {
     /// Prepares the images of a site: the colour classes of the site, and the classes in each image.
     #[must_use]
     pub fn new(views: &[View]) -> Self {
-        let images: Vec<Option<(LabImage, LocalView)>> = views.iter().map(small_image).collect();
+        Self::from_small_images(views, &views.iter().map(small_image).collect::<Vec<_>>())
+    }
+
+    /// Prepares the small images of the views.
+    pub(crate) fn from_small_images(views: &[View], images: &[SmallImage]) -> Self {
         let classes = ColourClasses::new(images.iter().flatten().map(|(image, _)| image));
-        let colours = |(view, image): (&View, &Option<(LabImage, LocalView)>)| {
+        let colours = |(view, image): (&View, &SmallImage)| {
             let (image, local) = image.as_ref().filter(|_| classes.len() > 0)?;
             Some(CameraColours::new(view, image, local, &classes))
         };
-        let colours = views.iter().zip(&images).map(colours).collect();
+        let colours = views.iter().zip(images).map(colours).collect();
         Self { cameras: views.iter().map(|view| *view.camera).collect(), colours }
     }
 

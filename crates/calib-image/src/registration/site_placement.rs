@@ -10,7 +10,7 @@ use crate::registration::local_view::View;
 use crate::registration::pair_search::{PairDecision, PairRegistration, register_pair};
 use crate::registration::plan_obstacles::PlanObstacles;
 use crate::registration::plan_search::{PlanPose, ScannedCamera, locate, moved};
-use crate::registration::site_colours::{SiteColours, small_image};
+use crate::registration::site_colours::{SiteColours, SmallImage, small_image};
 use crate::registration::site_registration::{SiteRegistration, join};
 
 /// Largest number of cameras of a search. The work grows with the number of pairs.
@@ -39,16 +39,16 @@ struct SearchedPlan {
 
 impl SearchedPlan {
     /// Prepares the plan. Returns `None` if the site has no plan, or its image shows no obstacles.
-    fn new(site: &Site, image: &RgbImage, views: &[View]) -> Option<Self> {
+    fn new(site: &Site, image: &RgbImage, views: &[View], small: &[SmallImage]) -> Option<Self> {
         let scale = site.plan.as_ref()?.scale();
-        let scan = |view: &View| {
-            let small = small_image(view);
-            small.map_or_else(FloorScan::default, |(image, local)| FloorScan::new(view, &local, &image))
+        let scan = |(view, small): (&View, &SmallImage)| {
+            let small = small.as_ref();
+            small.map_or_else(FloorScan::default, |(image, local)| FloorScan::new(view, local, image))
         };
         Some(Self {
             obstacles: PlanObstacles::new(image, scale.metres_per_px)?,
             scale,
-            scans: views.iter().map(scan).collect(),
+            scans: views.iter().zip(small).map(scan).collect(),
             is_height_known: views.iter().map(|view| view.is_height_known).collect(),
         })
     }
@@ -272,10 +272,11 @@ impl PlacementSearch {
                 is_height_known: site.cameras[*index].height_m.is_some(),
             })
             .collect();
+        let small: Vec<SmallImage> = views.iter().map(small_image).collect();
         Self {
             cameras: known.iter().map(|(index, ..)| *index).collect(),
-            colours: SiteColours::new(&views),
-            plan: plan.and_then(|image| SearchedPlan::new(site, image, &views)),
+            colours: SiteColours::from_small_images(&views, &small),
+            plan: plan.and_then(|image| SearchedPlan::new(site, image, &views, &small)),
         }
     }
 
@@ -537,14 +538,8 @@ fn placement_in(frame: &Placement, pose: &Camera, sets_height: bool) -> Placemen
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::registration::plan_search::tests::camera;
     use crate::registration::relative_pose::wrapped;
-    use calib_core::{Covariance, Lens, Pixel, WorldPoint};
-
-    fn camera(x: f64, y: f64, z: f64, yaw: f64) -> Camera {
-        let lens = Lens::pinhole(Pixel::new(320.0, 240.0));
-        let position = WorldPoint::new(x, y, z);
-        Camera { position, yaw, pitch: 0.5, roll: 0.0, focal: 500.0, lens, covariance: Covariance::EXACT }
-    }
 
     #[test]
     fn frame_maps_the_known_camera_to_its_pose_in_the_site() {
