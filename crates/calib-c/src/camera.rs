@@ -23,8 +23,8 @@ pub struct CalibCamera {
 pub struct CalibStream {
     /// Pixel origin: `CALIB_ORIGIN_CORNER` or `CALIB_ORIGIN_CENTRE`.
     pub origin: u32,
-    /// Fit of the image to the stream: `CALIB_FIT_UNSAID`, `CALIB_FIT_STRETCH` or `CALIB_FIT_LETTERBOX`. One of the
-    /// last two is required if the aspect ratio of the stream differs from that of the image.
+    /// Fit of the image to the stream: `CALIB_FIT_UNSAID`, `CALIB_FIT_STRETCH` or `CALIB_FIT_LETTERBOX`. If the
+    /// stream and the image have different aspect ratios, `CALIB_FIT_STRETCH` or `CALIB_FIT_LETTERBOX` is required.
     pub fit: u32,
     /// Width, in pixels. If width and height are 0, the stream has the size of the image or its crop.
     pub width: u32,

@@ -235,9 +235,9 @@ pub(crate) fn boxed<T>(value: T) -> *mut T {
 pub const CALIB_ORIGIN_CORNER: u32 = 0;
 /// Pixels count from the centre of the first pixel, as in OpenCV.
 pub const CALIB_ORIGIN_CENTRE: u32 = 1;
-/// Fit not selected. The call fails if the aspect ratio of the stream differs from that of the image.
+/// No fit is selected. The call fails if the stream and the image have different aspect ratios.
 pub const CALIB_FIT_UNSAID: u32 = 0;
-/// Width and height of the image are scaled separately to those of the stream.
+/// The width and the height of the image are scaled by different factors, so that the image fills the stream.
 pub const CALIB_FIT_STRETCH: u32 = 1;
 /// Width and height of the image have the same scale, with equal bars on two sides of the stream.
 pub const CALIB_FIT_LETTERBOX: u32 = 2;

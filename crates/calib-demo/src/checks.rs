@@ -220,7 +220,7 @@ fn marks_coincide_with_objects() {
             Some("customer") => (size[0], 2.5),
             _ => continue,
         };
-        // A point beside the centre is tested, because cartons may meet at the centre.
+        // The test uses a point 3 cm beside the centre. At the centre, two cartons may meet.
         let found = top(at.x + 0.03, at.y + 0.03, from).unwrap();
         assert!((f64::from(found) - height).abs() < 0.03, "{:?}: {found} for {height}", mark.id);
     }

@@ -222,8 +222,8 @@ impl Camera {
 /// Constructor of a camera and its arguments, for pickling.
 type Parts<'py> = (Bound<'py, PyAny>, (String, String, Bound<'py, PyDict>));
 
-/// Returns the JSON text of a site with only this camera, without annotations and residuals. Of the warnings, only an
-/// assumed scale and a placement by hand are kept, because they affect the uncertainty.
+/// Returns the JSON text of a site with only this camera, without annotations and residuals. It keeps two warnings that
+/// affect the uncertainty: an assumed scale, and a placement by hand.
 fn single_camera_site(site: &Site, entry: &SiteCamera) -> String {
     let tells_use = |code: Code| matches!(code, Code::ScaleAssumed | Code::PlacedByHand);
     let mut camera = SiteCamera::new(entry.id.clone(), entry.size_px);

@@ -134,8 +134,8 @@ struct Tag {
     colour: Rgb,
 }
 
-/// Draws the labels beside their points. If all offsets overlap, labels of the grid are omitted, and other labels
-/// have their preferred offset.
+/// Draws each label at the first offset from its point where it overlaps no other label. If there is no such offset, a
+/// label of the grid is omitted, and another label is drawn at its first offset.
 fn draw_labels(svg: &mut Svg, items: &[Item<Pixel>], tags: &[Tag]) {
     let mut labels = Labels::default();
     tags.iter().for_each(|tag| labels.reserve_tag(svg, tag.at, &tag.text));

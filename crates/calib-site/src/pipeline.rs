@@ -407,8 +407,8 @@ fn apply_joint_estimate(
     solution.principal_point_px = camera.lens.principal_point;
     solution.pixel_aspect = camera.lens.pixel_aspect;
     solution.distortion = DistortionEntry::from_lens(&camera.lens, camera.focal);
-    // The chi-square of a single camera refers to the assumed noise, that of connected cameras to the estimated
-    // noise.
+    // For a single camera, the chi-square is relative to the assumed noise. For connected cameras, it is relative to the
+    // estimated noise.
     let noise = first.fit.as_ref().map_or(1.0, |fit| fit.sigma / entry.sigma_px.unwrap_or(1.0));
     let chi2 = if joined.is_connected { joined.chi2 } else { joined.chi2 * noise * noise };
     solution.chi2 = Some(chi2);

@@ -33,7 +33,7 @@ pub struct Camera {
 pub struct Ray {
     /// Centre of projection, in metres.
     pub origin: WorldPoint,
-    /// Direction in world axes; a unit vector if the ray is that of a pixel.
+    /// Direction in world axes. The ray of a pixel has a unit vector; other rays may have any length.
     pub direction: [f64; 3],
 }
 

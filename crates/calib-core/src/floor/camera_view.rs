@@ -449,8 +449,7 @@ mod tests {
             view.to_floor_points(height, [&u, &v], [&mut a, &mut b]);
             prop_assert_eq!(bits(&a, &b), mapped(&view, &u, &v).0);
             view.undistort([&u, &v], [&mut a, &mut b]);
-            // The pixel coordinates of the view count from the centre of the first pixel, those of the lens
-            // from the corner.
+            // The view counts pixels from the centre of the first pixel. The lens counts them from its corner.
             let (lens, shown) = view.lens_in_stream().unwrap();
             let in_stream = view.camera_in_stream().unwrap();
             let (mut x, mut y, mut status) = (vec![0.0; u.len()], vec![0.0; u.len()], vec![0; u.len()]);

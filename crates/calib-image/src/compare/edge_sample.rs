@@ -50,8 +50,8 @@ pub(crate) struct Frame {
     pub(crate) at: Pixel,
     /// Vector along the edge: one pixel of the old image, mapped into this image.
     pub(crate) along: [f64; 2],
-    /// Vector at right angles to the edge in this image. Its length is that of one pixel across the edge of the
-    /// old image, mapped into this image.
+    /// Vector at right angles to the edge in this image. One pixel across the edge in the old image has this length in
+    /// this image.
     pub(crate) across: [f64; 2],
 }
 

@@ -147,8 +147,8 @@ pub(crate) struct Match {
     pub(crate) new: Pixel,
     /// Size of a pixel of the coarser of the two scales, in pixels of the full image.
     pub(crate) size: f64,
-    /// Ratio of the squared descriptor distance of the match to that of the next best candidate; lower is
-    /// better.
+    /// Squared descriptor distance of the match, divided by the squared descriptor distance of the second best
+    /// candidate. A small ratio means a clear match.
     pub(crate) ambiguity: f32,
 }
 
