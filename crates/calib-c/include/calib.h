@@ -17,10 +17,10 @@
 // Pixels count from the centre of the first pixel, as in OpenCV.
 #define CALIB_ORIGIN_CENTRE 1
 
-// Fit not selected. The call fails if the aspect ratio of the stream differs from that of the image.
+// No fit is selected. The call fails if the stream and the image have different aspect ratios.
 #define CALIB_FIT_UNSAID 0
 
-// Width and height of the image are scaled separately to those of the stream.
+// The width and the height of the image are scaled by different factors, so that the image fills the stream.
 #define CALIB_FIT_STRETCH 1
 
 // Width and height of the image have the same scale, with equal bars on two sides of the stream.
@@ -102,8 +102,8 @@ typedef struct CalibSite CalibSite;
 typedef struct CalibStream {
   // Pixel origin: `CALIB_ORIGIN_CORNER` or `CALIB_ORIGIN_CENTRE`.
   uint32_t origin;
-  // Fit of the image to the stream: `CALIB_FIT_UNSAID`, `CALIB_FIT_STRETCH` or `CALIB_FIT_LETTERBOX`. One of the
-  // last two is required if the aspect ratio of the stream differs from that of the image.
+  // Fit of the image to the stream: `CALIB_FIT_UNSAID`, `CALIB_FIT_STRETCH` or `CALIB_FIT_LETTERBOX`. If the
+  // stream and the image have different aspect ratios, `CALIB_FIT_STRETCH` or `CALIB_FIT_LETTERBOX` is required.
   uint32_t fit;
   // Width, in pixels. If width and height are 0, the stream has the size of the image or its crop.
   uint32_t width;
