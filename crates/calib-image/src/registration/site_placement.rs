@@ -1,5 +1,6 @@
 //! Placements of the cameras of a site from the colours of their images.
 
+use calib_core::single::Known;
 use calib_core::{Camera, FloorPoint, Placement, PlanPixel, PlanScale, WorldPoint};
 use calib_site::{FixedEntry, PlacementEntry, Site, Stage, counted};
 use image::RgbImage;
@@ -96,11 +97,14 @@ pub struct SitePlacement {
     pub reason: String,
 }
 
-/// Placement of one camera, from the colours of its image.
+/// Placement of one camera, from the colours of its image or from the plan.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct CameraPlacement {
     /// Estimated placement in the frame of the site; `None` if it is unknown, or if the camera keeps its pose.
     pub placement: Option<PlacementEntry>,
+    /// Height that follows from the scale of the plan, with its standard deviation, in metres. `None` without a place on
+    /// the plan, or if a height is entered.
+    pub height_m: Option<Known>,
     /// Whether the camera was already placed, and keeps its pose.
     pub is_kept: bool,
     /// Index of the group of the camera.
@@ -147,11 +151,6 @@ impl Frame {
         }
     }
 
-    /// Whether the frame determines the heights. Colours determine only their ratios.
-    fn sets_height(self) -> bool {
-        matches!(self, Self::OfPlaced(_) | Self::OnPlan)
-    }
-
     /// Describes the placement of a camera of a group with `others`.
     fn reason(self, others: &str) -> String {
         match self {
@@ -194,17 +193,24 @@ impl SitePlacement {
     /// Creates the result of a search that did not start, with the reason.
     #[must_use]
     pub fn refused(site: &Site, reason: String) -> Self {
-        let camera = CameraPlacement { placement: None, is_kept: false, group: None, reason: reason.clone() };
+        let camera = CameraPlacement {
+            placement: None,
+            height_m: None,
+            is_kept: false,
+            group: None,
+            reason: reason.clone(),
+        };
         let cameras = vec![camera; site.cameras.len()];
         Self { cameras, groups: Vec::new(), pairs: Vec::new(), is_complete: false, reason }
     }
 
-    /// Returns the site with the estimated placements.
+    /// Returns the site with the estimated placements and heights.
     #[must_use]
     pub fn write_into(&self, mut site: Site) -> Site {
         for (entry, found) in site.cameras.iter_mut().zip(&self.cameras) {
             if found.placement.is_some() {
                 entry.placement.clone_from(&found.placement);
+                entry.height_m = entry.height_m.or(found.height_m);
             }
         }
         site
@@ -269,7 +275,7 @@ impl PlacementSearch {
                 camera,
                 image,
                 size_px: site.cameras[*index].size_px,
-                is_height_known: site.cameras[*index].height_m.is_some(),
+                is_height_known: site.cameras[*index].height_m.is_some_and(is_accurate),
             })
             .collect();
         let small: Vec<SmallImage> = views.iter().map(small_image).collect();
@@ -399,7 +405,8 @@ impl PlacementSearch {
     ) -> CameraPlacement {
         let view = self.cameras.iter().position(|&index| index == camera);
         let group = view.and_then(|view| registration.groups.iter().position(|group| group.contains(&view)));
-        let nothing = CameraPlacement { placement: None, is_kept: false, group, reason: String::new() };
+        let nothing =
+            CameraPlacement { placement: None, height_m: None, is_kept: false, group, reason: String::new() };
         if is_kept(site, camera) {
             let reason = "it was already placed, and keeps its pose".into();
             return CameraPlacement { is_kept: true, reason, ..nothing };
@@ -414,13 +421,17 @@ impl PlacementSearch {
         };
         let is_single = registration.groups[group].len() < 2;
         let frame = frames[group];
-        let placement = frame.placement().map(|own| placement_in(&own, &pose, frame.sets_height()));
+        // Colours determine only the ratios of the heights.
+        let sets_height = matches!(frame, Frame::OfPlaced(_));
+        let placement = frame.placement().map(|own| placement_in(&own, &pose, sets_height));
+        let is_from_plan = matches!(frame, Frame::OnPlan) && site.cameras[camera].height_m.is_none();
+        let height_m = is_from_plan.then(|| height_from_plan(pose.position.z));
         let reason = match frame {
             Frame::OnPlan | Frame::Ambiguous | Frame::Unknown if is_single => frame.reason_of_single().into(),
             _ => frame.reason(&self.others(site, view, registration)),
         };
         let group = (!is_single).then_some(group);
-        CameraPlacement { placement, reason, group, ..nothing }
+        CameraPlacement { placement, height_m, reason, group, ..nothing }
     }
 
     /// Returns the ids of the other cameras in the group of a view as text. For more than three cameras, the text
@@ -468,6 +479,21 @@ fn why_not_searched(site: &Site, camera: usize) -> Option<&'static str> {
     } else {
         None
     }
+}
+
+/// Whether an entered height is accurate enough to count as measured.
+fn is_accurate(height: Known) -> bool {
+    /// Largest relative standard deviation of a measured height.
+    const MAX_SIGMA: f64 = 0.03;
+    height.sigma.is_none_or(|sigma| sigma <= MAX_SIGMA * height.value)
+}
+
+/// Returns a height from the scale of the plan, in metres, rounded to millimetres.
+fn height_from_plan(height: f64) -> Known {
+    /// Relative standard deviation. It covers the errors of the visible floor, and of what is drawn on the plan.
+    const SIGMA: f64 = 0.05;
+    let [value, sigma] = [height, SIGMA * height].map(|metres| (1e3 * metres).round() / 1e3);
+    Known::prior(value, sigma)
 }
 
 /// Whether a camera is already placed and keeps its pose. Only poses of an earlier search are estimated
