@@ -38,14 +38,17 @@ pub(crate) struct DrawingArgs {
     metres_per_px: Option<f64>,
 }
 
+/// An option of [`DrawingArgs`]: name, whether it is given, and the type and name of the format that it needs.
+type DrawingOption = (&'static str, bool, Option<(DrawingKind, &'static str)>);
+
 impl DrawingArgs {
     /// Returns the chosen layers; `None` for the layers that are on in the drawing.
     fn layers(&self) -> Option<Vec<String>> {
         (!self.layers.is_empty()).then(|| self.layers.clone())
     }
 
-    /// Returns the options: name, whether it is given, and the type and name of the format that it needs.
-    fn options(&self) -> [(&'static str, bool, Option<(DrawingKind, &'static str)>); 5] {
+    /// Returns the options.
+    fn options(&self) -> [DrawingOption; 5] {
         let (pdf, dxf) = (Some((DrawingKind::Pdf, "PDF")), Some((DrawingKind::Dxf, "DXF")));
         [
             ("--page", self.page.is_some(), pdf),
