@@ -323,7 +323,7 @@ pub(crate) fn rejected_links(session: &Session, camera: usize) -> usize {
 /// Whether a warning must be resolved before a camera is finished.
 #[must_use]
 pub fn is_serious(code: Code) -> bool {
-    code.severity() > Severity::Note || code.fails_check()
+    code.severity() > Severity::Note
 }
 
 /// Returns the predicted relative standard deviation of floor lengths that a camera measures. `None` if this number

@@ -146,34 +146,18 @@ impl Code {
             | Self::TwoResolutions
             | Self::FocalConflict
             | Self::FloorSlope
-            | Self::DistortionNotInvertible => Severity::Warning,
+            | Self::DistortionNotInvertible
+            | Self::ScaleUnknown
+            | Self::ScaleConflict
+            | Self::NotConnected => Severity::Warning,
             _ => Severity::Note,
         }
     }
 
-    /// Whether a site with this finding fails `calib check`.
+    /// Whether a site with this finding fails `calib check`. Rejected lines and exchanged points are counted
+    /// separately.
     #[must_use]
     pub const fn fails_check(self) -> bool {
-        matches!(
-            self,
-            Self::Unusable
-                | Self::Misfit
-                | Self::FocalUnobservable
-                | Self::TwoSolutions
-                | Self::Unchecked
-                | Self::UncertaintyUnknown
-                | Self::OutOfDate
-                | Self::NotThisImage
-                | Self::BelowFloor
-                | Self::NoFloor
-                | Self::ScaleConflict
-                | Self::DistortionNotInvertible
-                | Self::PixelsNotSquare
-                | Self::TwoResolutions
-                | Self::FocalConflict
-                | Self::FloorSlope
-                | Self::NotConnected
-                | Self::ScaleUnknown
-        )
+        !matches!(self.severity(), Severity::Note) && !matches!(self, Self::Outlier | Self::PointsExchanged)
     }
 }
