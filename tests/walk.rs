@@ -260,7 +260,7 @@ fn program_passes_a_correct_site_and_names_the_wrong_camera() {
         assert_eq!(run.stderr.contains("failed: shop-2"), code == 4, "{}", run.stderr);
         let page = std::fs::read_to_string(scratch.path("report.html")).unwrap();
         let [whole, acceptance] =
-            ["<h2>From above</h2>", "<h2>Acceptance walk</h2>"].map(|title| page.find(title));
+            ["<h2>View from above</h2>", "<h2>Acceptance walk</h2>"].map(|title| page.find(title));
         assert!(whole.is_some() && whole < acceptance && page.contains(word), "{word}");
         assert!(page.contains("<section id=\"shop-2\">") && page.matches("</html>").count() == 1);
     }

@@ -230,7 +230,7 @@ fn one_key_calibrates_and_places_all_cameras() {
     desk.harness.run_steps(3);
     let words = desk.words().join("\n");
     assert!(
-        words.contains("placed by matching colours and the plan: 3 of 4 cameras")
+        words.contains("placed by matching colours and using the plan: 3 of 4 cameras")
             && words.contains("not placed"),
         "{words}"
     );

@@ -325,7 +325,7 @@ fn report_is_one_page_with_every_camera_and_its_image() {
         assert_eq!(section.contains("note bad"), index == 1, "missing images are reported: {}", camera.id);
         assert_eq!(section.contains("<figure>"), index == 0, "{}", camera.id);
     }
-    assert!(html.contains("From above"));
+    assert!(html.contains("View from above"));
 }
 
 #[test]
@@ -596,7 +596,7 @@ fn dxf_plan_without_unit_asks_for_a_length() {
     desk.app().open_paths(&ctx, [scratch.path("broken.dxf")]);
     desk.wait(|app| app.waiting() == 0);
     let error = desk.app().editor.error().map(str::to_owned).unwrap();
-    assert!(error.contains("broken.dxf") && error.contains("no lines"), "{error}");
+    assert!(error.contains("broken.dxf") && error.contains("no visible lines"), "{error}");
     assert_eq!(desk.site().plan, Some(plan), "the plan stays");
 }
 

@@ -224,7 +224,7 @@ fn site_faults(file: &SiteFile, most: f64, allow: &[Code]) -> Vec<String> {
     let far: Vec<String> = worst_first(overlaps)
         .into_iter()
         .filter_map(|pair| Some((pair, pair.floor_rms_m.filter(|&apart| apart > most)?)))
-        .map(|(pair, apart)| format!("{} {} cm", pair.cameras.join(" \u{2013} "), centimetres(apart)))
+        .map(|(pair, apart)| format!("{} ({} cm)", pair.cameras.join(" \u{2013} "), centimetres(apart)))
         .collect();
     if !far.is_empty() {
         let pairs = shortened_list(far.iter().map(String::as_str));

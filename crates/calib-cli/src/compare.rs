@@ -151,7 +151,7 @@ fn camera_id_of_image(file: &SiteFile, path: &Path) -> Result<String, CommandErr
     let found = file.site.camera_id_from_name(&site_file::stem(path));
     found.map(str::to_owned).ok_or_else(|| {
         let what = format!(
-            "{}: unknown camera. Give --camera, or start the file name with one of {}",
+            "{}: the camera of this image is unknown; add --camera ID, or start the file name with a camera id: {}",
             path.display(),
             shortened_list(file.site.cameras.iter().map(|camera| camera.id.as_str()))
         );
@@ -198,7 +198,7 @@ fn compare(
 
 /// Writes the newest image of every camera with its matched and missing edges into a folder.
 fn draw(compared: &[CameraComparison], folder: &Path, force: bool) -> Result<(), CommandError> {
-    std::fs::create_dir_all(folder).with_context(|| format!("creating {}", folder.display()))?;
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
     for (of, seen) in compared.iter().filter_map(|of| Some((of, of.newest()?))) {
         let image = draw_edges(of, seen, read_newer_image(&seen.path)?);
         let name = folder.join(format!("{}.png", of.id)).to_string_lossy().into_owned();

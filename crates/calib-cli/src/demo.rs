@@ -70,7 +70,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
         }
         // A plan left by an earlier run would seem to belong to this site.
         None if stale.exists() => {
-            std::fs::remove_file(&stale).context("removing the plan of an earlier run")?;
+            std::fs::remove_file(&stale).context("cannot remove the plan of an earlier run")?;
         }
         None => {}
     }
@@ -103,7 +103,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
 /// Writes images of one month later, named by camera and time.
 fn write_later(demo: &DemoSite, folder: &Path, progress: &ProgressBar) -> Result<(), CommandError> {
     let later = folder.join("later");
-    std::fs::create_dir_all(&later).with_context(|| format!("creating {}", later.display()))?;
+    std::fs::create_dir_all(&later).with_context(|| format!("cannot create {}", later.display()))?;
     for (entry, (id, truth)) in demo.site.cameras.iter().zip(&demo.truth) {
         progress.set_message(format!("rendering {id}, a month later"));
         let moved = calib_demo::changed_cameras();
@@ -126,7 +126,7 @@ fn prepare_folder(folder: &Path, force: bool) -> Result<(), CommandError> {
         );
         return Err(CommandError::Failed(anyhow::anyhow!(message)));
     }
-    std::fs::create_dir_all(folder).with_context(|| format!("creating {}", folder.display()))?;
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
     files::write_atomically(
         &ours,
         b"This folder was written by `calib demo`. Another run overwrites its files.\n",

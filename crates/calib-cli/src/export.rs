@@ -85,7 +85,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     let targets = output_paths(args, format, &export)?;
     for (path, file) in targets.iter().zip(&export.files) {
         if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-            std::fs::create_dir_all(folder).with_context(|| format!("creating {}", folder.display()))?;
+            std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
         }
         files::write(&path.to_string_lossy(), &file.bytes, args.force)?;
     }

@@ -57,7 +57,7 @@ pub(crate) fn write_through(
     force: bool,
     fill: impl FnOnce(&File) -> Result<(), CommandError>,
 ) -> Result<(), CommandError> {
-    let writing = || format!("writing {}", path.display());
+    let writing = || format!("cannot write {}", path.display());
     if is_stream(path) {
         let stream = File::options().write(true).open(path).with_context(writing)?;
         return fill(&stream).map_err(|error| error.add_context(writing));
@@ -107,7 +107,7 @@ pub(crate) fn print(text: &str) -> Result<(), CommandError> {
 
 fn print_bytes(data: &[u8]) -> Result<(), CommandError> {
     let written = std::io::stdout().lock().write_all(data);
-    written.map_err(|error| CommandError::from(error).add_context(|| "writing to stdout".to_owned()))
+    written.map_err(|error| CommandError::from(error).add_context(|| "cannot write to stdout".to_owned()))
 }
 
 /// Prints a message to stderr.

@@ -66,7 +66,7 @@ fn merge_ground_points(
     if let (Some(known), Some(new)) = (&site.crs, &crs)
         && !known.eq_ignore_ascii_case(new)
     {
-        let what = format!("the site has the grid {known}, not {new}; convert the points to its grid first");
+        let what = format!("the site has the grid {known}, not {new}; convert the points to {known} first");
         return Err(CommandError::invalid(path, what));
     }
     site.crs = site.crs.take().or(crs);

@@ -73,7 +73,7 @@ impl PlanFile {
         if overlay.image.contains("://") {
             let what = format!(
                 "the image {} is on a server; download it to the folder of the KML file, and \
-                 name the file in the KML",
+                 enter its file name in the KML file",
                 overlay.image
             );
             return Err(CommandError::invalid(file, what));

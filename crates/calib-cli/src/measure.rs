@@ -88,7 +88,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     for id in args.camera.iter().chain(&args.to_camera) {
         if file.site.cameras.iter().all(|camera| camera.id != *id) {
             let ids = shortened_list(file.site.cameras.iter().map(|camera| camera.id.as_str()));
-            let what = format!("{id}: unknown camera; {} has the cameras {ids}", file.path);
+            let what = format!("{id}: unknown camera; cameras in {}: {ids}", file.path);
             return Err(CommandError::Usage(what));
         }
     }

@@ -22,7 +22,7 @@ pub(crate) fn draw_on(svg: &Svg, image: &RgbImage) -> anyhow::Result<RgbImage> {
         fontdb: Arc::new(fonts),
         ..usvg::Options::default()
     };
-    let tree = usvg::Tree::from_str(&svg.finish(""), &options).context("rendering the overlay")?;
+    let tree = usvg::Tree::from_str(&svg.finish(""), &options).context("cannot render the overlay")?;
     let (width, height) = image.dimensions();
     let mut pixmap = Pixmap::new(width, height).context("the image has no pixels")?;
     for (to, from) in pixmap.data_mut().as_chunks_mut::<4>().0.iter_mut().zip(image.pixels()) {

@@ -347,9 +347,7 @@ fn check_layers(
         None => Ok(()),
         Some(unknown) => {
             let names = shortened_list(facts.layers.iter().map(|layer| layer.name.as_str()));
-            Err(CommandError::Usage(format!(
-                "{option} {unknown}: no such layer; {file} has the layers {names}"
-            )))
+            Err(CommandError::Usage(format!("{option} {unknown}: no such layer; layers in {file}: {names}")))
         }
     }
 }
@@ -425,8 +423,8 @@ fn as_text(args: &Args, read: &ReadPlan) -> String {
     if let Some(corner) = on_map.as_ref().and_then(|plan| plan.georeference.as_ref()) {
         let _ = writeln!(
             text,
-            "Position: lower left corner at {:.7}, {:.7}; the bottom edge runs {:.2} degrees clockwise \
-             from north",
+            "Position: lower left corner at latitude {:.7}\u{b0}, longitude {:.7}\u{b0}; the bottom edge runs \
+             {:.2}\u{b0} clockwise from north",
             corner.lat_deg, corner.lon_deg, corner.x_axis_azimuth_deg
         );
     }

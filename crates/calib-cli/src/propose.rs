@@ -249,7 +249,7 @@ fn solved(site: Site, results: &[ImageCalibration]) -> Site {
 
 /// Draws every image with its automatic calibration, whether accepted or not.
 fn draw(site: &Site, results: &[ImageCalibration], folder: &Path, force: bool) -> Result<(), CommandError> {
-    std::fs::create_dir_all(folder).with_context(|| format!("creating {}", folder.display()))?;
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
     for (camera, result) in site.cameras.iter().zip(results) {
         let ImageCalibration { path, calibration: proposal, .. } = result;
         let shown = SiteCamera {

@@ -115,8 +115,13 @@ impl SiteFile {
             return Ok(());
         }
         let ids = shortened_list(self.site.cameras.iter().map(|camera| camera.id.as_str()));
-        let has = if ids.is_empty() { "no cameras".into() } else { format!("the cameras {ids}") };
-        Err(CommandError::Usage(format!("--camera {id}: unknown camera; {} has {has}", self.path)))
+        let path = &self.path;
+        let known = if ids.is_empty() {
+            format!("{path} has no cameras")
+        } else {
+            format!("cameras in {path}: {ids}")
+        };
+        Err(CommandError::Usage(format!("--camera {id}: unknown camera; {known}")))
     }
 
     /// Returns the camera with this id; fails if the id is unknown or has several periods.
@@ -342,7 +347,7 @@ pub(crate) fn list_images(given: &[PathBuf]) -> Result<Vec<PathBuf>, CommandErro
             found.push(path.clone());
             continue;
         }
-        let reading = || format!("reading {}", path.display());
+        let reading = || format!("cannot read {}", path.display());
         let entries = std::fs::read_dir(path).with_context(reading)?;
         let paths = entries.map(|entry| entry.map(|entry| entry.path()));
         let all = paths.collect::<Result<Vec<PathBuf>, _>>().with_context(reading)?;

@@ -59,9 +59,9 @@ pub(crate) fn read(address: &str, args: &SnapshotArgs) -> Result<Snapshot, Comma
     };
     calib_video::snapshot(address, &options).map_err(|error| match error.kind {
         SnapshotErrorKind::Invalid => CommandError::Invalid(error.to_string()),
-        SnapshotErrorKind::NoCredentials => {
-            CommandError::Failed(anyhow::anyhow!("{error}: set {USER} and {PASSWORD}, or use --credentials"))
-        }
+        SnapshotErrorKind::NoCredentials => CommandError::Failed(anyhow::anyhow!(
+            "{error}; set {USER} and {PASSWORD}, or add --credentials FILE"
+        )),
         SnapshotErrorKind::Failed => CommandError::Failed(error.into()),
     })
 }

@@ -85,7 +85,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     let centre = map.principal_point();
     let focal = focal.map_or_else(|| "unknown".into(), |focal| format!("{:.2} px", map.focal(focal)));
     files::print_message(format_args!(
-        "focal length {focal}, principal point {:.2}, {:.2}",
+        "focal length {focal}, principal point {:.2}, {:.2} px",
         centre.u, centre.v
     ));
     Ok(())

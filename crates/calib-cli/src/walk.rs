@@ -115,7 +115,7 @@ impl Limits {
         if self.zone_m > 0.0 && self.max_error_m > 0.0 {
             return Ok(());
         }
-        Err(CommandError::Usage("--zone-m, --max-error-m: expected lengths above 0".into()))
+        Err(CommandError::Usage("--zone-m, --max-error-m: expected numbers of metres above 0".into()))
     }
 }
 

@@ -213,7 +213,7 @@ impl View<'_> {
         let Pixel { u, v } = self.window.principal_point;
         let kind = if self.window.is_round { "focal length (cylindrical)" } else { "focal length" };
         files::print_message(format_args!(
-            "{file}: {kind} {:.2} px, principal point {u:.2}, {v:.2}",
+            "{file}: {kind} {:.2} px, principal point {u:.2}, {v:.2} px",
             self.window.focal
         ));
         Ok(())

@@ -15,7 +15,7 @@ pub enum PlanError {
         pages: usize,
     },
     /// Drawing without visible lines.
-    #[error("the drawing has no lines in its model space{0}")]
+    #[error("the drawing has no visible lines in its model space{0}")]
     Empty(String),
     /// Document that is protected by a password.
     #[error("the PDF is protected by a password; save it without the password")]

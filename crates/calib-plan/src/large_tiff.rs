@@ -41,7 +41,7 @@ pub(crate) fn read(bytes: &[u8]) -> Option<Result<Drawing, PlanError>> {
         return None;
     }
     if pixels > MAX_FILE_PIXELS {
-        let reason = format!("{width} x {height} pixels; save a smaller part");
+        let reason = format!("it has {width} x {height} pixels; save a smaller part");
         return Some(Err(PlanError::Limit { kind: "TIFF", reason }));
     }
     let reduction = (1..).find(|by| pixels.div_ceil(u64::from(by * by)) <= MAX_PICTURE_PIXELS)?;

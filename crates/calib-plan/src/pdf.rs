@@ -42,7 +42,7 @@ fn damaged(reason: &str) -> PlanError {
 fn read_page(bytes: Vec<u8>, number: u32) -> Result<Drawing, PlanError> {
     let pdf = Pdf::new(Arc::new(bytes)).map_err(|error| match error {
         LoadPdfError::Decryption(_) => PlanError::Password,
-        LoadPdfError::Invalid => damaged("it cannot be parsed"),
+        LoadPdfError::Invalid => damaged("it is not a valid PDF"),
     })?;
     let pages = pdf.pages();
     let index = number.checked_sub(1).and_then(|index| usize::try_from(index).ok());

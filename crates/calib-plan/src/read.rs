@@ -19,7 +19,7 @@ pub fn read(bytes: &[u8], view: &View) -> Option<Result<Drawing, PlanError>> {
         DrawingKind::LargeTiff => return None,
         DrawingKind::Dxf => crate::dxf::read(bytes, view),
         DrawingKind::Dwg => Err(PlanError::Unsupported(
-            "this is a DWG drawing, which cannot be read here; save it as DXF or PDF".into(),
+            "this is a DWG drawing, which is not supported; save it as DXF or PDF".into(),
         )),
         DrawingKind::Pdf => read_pdf(bytes, view),
         DrawingKind::Svg => read_svg(bytes),
@@ -34,7 +34,8 @@ fn read_pdf(bytes: &[u8], view: &View) -> Result<Drawing, PlanError> {
 #[cfg(not(feature = "pdf"))]
 fn read_pdf(_: &[u8], _: &View) -> Result<Drawing, PlanError> {
     Err(PlanError::Unsupported(
-        "PDF plans are not read here; use the desktop app or `calib plan`, or save the page as PNG".into(),
+        "PDF plans are not supported here; use the desktop app or `calib plan`, or save the page as PNG"
+            .into(),
     ))
 }
 
@@ -139,7 +140,7 @@ mod tests {
         assert!(darkness(&walls, [5.5e3, 5e3]) == 0 && darkness(&walls, [1e4, 4e3]) > 50);
         // Layers of an older version of the drawing are reported, and the usual ones shown.
         let renamed = read_dxf(&text, Some(&["Walls"])).unwrap();
-        assert_eq!(renamed.facts.notes, ["Layers that the drawing does not have: Walls."]);
+        assert_eq!(renamed.facts.notes, ["Layers missing from the drawing: Walls."]);
         assert_eq!(renamed.facts.layers, all.facts.layers);
     }
 
@@ -242,7 +243,7 @@ mod tests {
         let near = read_dxf(&dxf(4, "", "", &entities), None).unwrap();
         let far = read_dxf(&dxf(4, "", "", &(entities + &line("W", [1e9, 1e9, 1e9, 2e9]))), None).unwrap();
         assert_eq!(far.facts.size, near.facts.size);
-        assert_eq!(far.facts.notes, ["Lines far away from the plan are not shown: 1."]);
+        assert_eq!(far.facts.notes, ["Lines not shown because they are far from the plan: 1."]);
     }
 
     #[test]
@@ -255,14 +256,11 @@ mod tests {
         let own = read_dxf(&dxf(4, "", &block("A", &insert("A")), &(hall() + &insert("A"))), None);
         assert!(own.unwrap().facts.notes[0].contains("limit"));
         let empty = read_dxf(&dxf(4, "", "", ""), None).unwrap_err().to_string();
-        assert!(empty.contains("no lines"), "{empty}");
+        assert!(empty.contains("no visible lines"), "{empty}");
         let hidden = dxf(4, &layer("W", -7), "", &hall());
         assert!(read_dxf(&hidden, None).unwrap_err().to_string().contains("hidden layers: W"));
         let skipped = dxf(4, "", "", &hall().replacen("0\nLINE", "oops\n0\nLINE", 2));
-        assert_eq!(
-            read_dxf(&skipped, None).unwrap().facts.notes,
-            ["Damaged lines of the file were skipped: 2."]
-        );
+        assert_eq!(read_dxf(&skipped, None).unwrap().facts.notes, ["Damaged lines skipped in the file: 2."]);
         let tiny = hall() + &pairs("CIRCLE", &[(10, 0.0), (20, 0.0), (40, 1e-322)]);
         assert!(read_dxf(&dxf(4, "", "", &tiny), None).is_ok());
         let absent = hall() + &insert("NONE").repeat(1000);

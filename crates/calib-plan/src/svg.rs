@@ -65,8 +65,7 @@ pub fn rasterise_part(svg: Arc<[u8]>, part: &Part) -> Result<RgbImage, PlanError
 fn draw(tree: &Tree, zoom: Transform, [w, h]: [u32; 2]) -> Result<RgbImage, PlanError> {
     let bytes = bytes_to_draw(tree, zoom, [w, h]);
     if bytes.is_none_or(|bytes| bytes > MAX_MEMORY_BYTES) {
-        let memory =
-            bytes.map_or_else(|| "unlimited memory".into(), |bytes| format!("{:.1} GB", bytes / 1e9));
+        let memory = bytes.map_or_else(|| "too much memory".into(), |bytes| format!("{:.1} GB", bytes / 1e9));
         return Err(too_large(format!(
             "its nested groups with opacity, masks, clips, filters or patterns need {memory}; the \
              limit is {:.1} GB. Flatten it, or export it as PNG",
@@ -120,7 +119,7 @@ fn load_embedded(mime: &str, data: Arc<Vec<u8>>, options: &Options<'_>) -> Resul
     }
     if mime != "image/svg+xml" {
         return Err(PlanError::Unsupported(format!(
-            "an image in the SVG is {mime}, which is not supported; embed it as PNG or JPEG"
+            "an image in the SVG has the type {mime}, which is not supported; embed it as PNG or JPEG"
         )));
     }
     Tree::from_data_nested(&data, options).map(ImageKind::SVG).map_err(|error| damaged(error.to_string()))
@@ -229,7 +228,7 @@ mod tests {
             "<defs>{patterns}{last}</defs><rect width=\"40\" height=\"40\" fill=\"url(#p0)\"/>"
         ))
         .unwrap_err();
-        assert!(error.contains("need unlimited memory"), "{error}");
+        assert!(error.contains("need too much memory"), "{error}");
     }
 
     #[test]

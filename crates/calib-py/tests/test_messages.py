@@ -50,8 +50,8 @@ def door(**options: object) -> dict[str, object]:
     (lambda s, c: s.project(TABLE), "camera", "camera_column="),
     (lambda s, c: s.project(TABLE, camera="camera-0", height="x"), "height", "found 'x'"),
     (lambda s, c: s.camera("camera-0", fit="letterbx"), "fit", '"stretch" or "letterbox"'),
-    (lambda s, c: s.camera("camera-0", stream_size=(1080, 1920)), "stream_size", "1920 x 1080 does: are width and height swapped?"),
-    (lambda s, c: s.camera("camera-0", stream_size=(360, 640)), "stream_size", "640 x 360 does: are width and height swapped?"),
+    (lambda s, c: s.camera("camera-0", stream_size=(1080, 1920)), "stream_size", "width and height seem to be swapped: 1920 x 1080 fits"),
+    (lambda s, c: s.camera("camera-0", stream_size=(360, 640)), "stream_size", "width and height seem to be swapped: 640 x 360 fits"),
     (lambda s, c: c.undistorter(stream_size=(1280, 720))(np.zeros((1080, 1920, 3), "u1")), "image", "found an image of 1920 x 1080 pixels, this undistorter is for 1280 x 720 pixels"),
 ])
 def test_an_invalid_argument_is_named_with_the_expected_value(site: calib.Site, call: Call, field: str, words: str) -> None:

@@ -75,12 +75,12 @@ pub fn speed_remark(measurement: &Measurement, found: Measured, units: Units) ->
             let limits = format!("{low} to {} {unit}", text(high));
             format!(
                 "The times are in whole seconds, so the speed can be anywhere from {limits}. The \u{b1} does not \
-                 include this."
+                 include this uncertainty."
             )
         }
         None => format!(
             "The times are in whole seconds, so the speed can be anything above {low} {unit}. The \u{b1} does \
-             not include this."
+             not include this uncertainty."
         ),
     })
 }

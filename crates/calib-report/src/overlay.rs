@@ -228,7 +228,7 @@ fn legend(svg: &Svg, entry: &SiteCamera, camera: Rgb, lens_grid: bool, items: &[
     let rows: Vec<(&str, Rgb)> = used
         .iter()
         .map(|row| (row.title, KindLook::of(row.kind).colour))
-        .chain(field.then_some(("Field of view (dashed), and 2 m above it", camera)))
+        .chain(field.then_some(("Field of view on the floor (dashed) and 2 m above it", camera)))
         .chain(regions.then_some(("Region of a plane (dotted)", Rgb::WHITE)))
         .chain(lens_grid.then_some(("Straight lines in the scene, as distorted by the lens", Rgb::LENS)))
         .chain(

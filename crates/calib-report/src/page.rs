@@ -79,7 +79,7 @@ fn write_plan_section(html: &mut String, site: &Site, pictures: ImageSource<'_>)
     }
     let sides = plan.as_ref().map(|plan| plan.size);
     let figure = plan_figure(plan.as_ref(), &plan_view(site, sides));
-    let _ = write!(html, "<h2>From above</h2><figure>{figure}</figure>");
+    let _ = write!(html, "<h2>View from above</h2><figure>{figure}</figure>");
     if site.areas.is_empty() {
         return;
     }
@@ -253,8 +253,8 @@ fn write_details(html: &mut String, site: &Site, camera: &SiteCamera, solution: 
         let Pixel { u, v } = solution.principal_point_px;
         let _ = writeln!(
             html,
-            "<p class=dim>Principal point ({u:.0} \u{b1} {cx:.0}, {v:.0} \u{b1} {cy:.0}) px, estimated. \
-             The \u{b1} of focal length, pitch and heights includes its uncertainty.</p>"
+            "<p class=dim>Estimated principal point: ({u:.0} \u{b1} {cx:.0}, {v:.0} \u{b1} {cy:.0}) px. The \u{b1} \
+             of the focal length, pitch and heights includes the uncertainty of the principal point.</p>"
         );
     }
     if !camera.annotations.is_empty() {

@@ -53,7 +53,7 @@ pub fn planes_text(site: &Site) -> String {
             let _ = writeln!(
                 out,
                 "\n{:width$}  {:>15} {:>14} {:>14}",
-                "plane", "height m", "fall deg", "towards deg"
+                "plane", "height m", "slope deg", "towards deg"
             );
         }
         let _ = writeln!(out, "{title:width$}  {height:>15} {fall:>14} {toward:>14}");
@@ -67,7 +67,7 @@ pub(crate) fn planes_section(html: &mut String, site: &Site) {
     if planes.is_empty() {
         return;
     }
-    html.push_str("<section id=\"the-planes\"><h2>Planes</h2>\n<p class=dim>Planes other than the floor. The height is at the mean of the region's corners; directions are counter-clockwise from +x.</p>\n<table><thead><tr><th>Plane<th class=n>Height, m<th class=n>Slope, \u{b0}<th class=n>Slopes towards, \u{b0}</tr></thead>\n");
+    html.push_str("<section id=\"the-planes\"><h2>Planes</h2>\n<p class=dim>Planes other than the floor. Heights apply to the mean of the region's corners. Directions are counter-clockwise from +x.</p>\n<table><thead><tr><th>Plane<th class=n>Height, m<th class=n>Slope, \u{b0}<th class=n>Slopes towards, \u{b0}</tr></thead>\n");
     for PlaneRow { title, height, fall, toward } in &planes {
         let [height, fall, toward] = [height, fall, toward].map(|number| number.replace('-', "\u{2212}"));
         let _ = writeln!(

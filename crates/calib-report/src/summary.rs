@@ -105,7 +105,7 @@ fn usability(site: &Site, index: usize, solution: &Solution) -> (Usability, Stri
     let large_residuals = solution
         .rms_px
         .filter(|&rms| rms > MAX_RMS_PX)
-        .map(|rms| format!("The RMS residual is {rms:.1} px; at most {MAX_RMS_PX:.0} px are allowed."));
+        .map(|rms| format!("The RMS residual is {rms:.1} px; the limit is {MAX_RMS_PX:.0} px."));
     let has_scale = site.cameras.get(index).is_some_and(|entry| site.scale_is_known(entry));
     let reason = first(&|_| true)
         .or_else(|| floor.filter(|&rel| rel > MAX_FLOOR_ERROR_REL).map(inaccurate))
@@ -137,9 +137,9 @@ pub(crate) fn write_summary(html: &mut String, site: &Site) {
     rows.iter().for_each(|row| row.write(html));
     let _ = writeln!(
         html,
-        "</tbody></table>\n<p class=\"dim foot\">About two in three lengths are within the \u{b1} (one standard \
-         deviation). Good: lengths on the floor are accurate to \u{b1} {:.0} %, and no check failed. \
-         Check: resolve the reason before use. Bad: do not use this camera.</p>",
+        "</tbody></table>\n<p class=\"dim foot\">About two in three lengths have an error smaller than the \u{b1} \
+         (one standard deviation). Good: lengths on the floor are accurate to \u{b1} {:.0} %, and no check failed. \
+         Check: fix the stated problem before use. Bad: do not use this camera.</p>",
         100.0 * MAX_FLOOR_ERROR_REL
     );
 }

@@ -86,7 +86,7 @@ impl WalkPage<'_> {
         for zone in self.zones.list.iter().filter(|zone| zone.error.is_some()) {
             let _ = writeln!(out, "zone {}: {}", zone_name(zone), error(zone));
         }
-        let _ = writeln!(out, "not walked: {}", self.not_walked());
+        let _ = writeln!(out, "zones not walked: {}", self.not_walked());
         out
     }
 
@@ -195,7 +195,7 @@ fn error(zone: &Zone) -> String {
             let moments = counted(zone.shared_moments, "moment", "moments");
             format!("{} \u{b1} {} cm ({moments})", centimetres(error), centimetres(sigma))
         }
-        _ if zone.moments > 0 => "only one camera".into(),
+        _ if zone.moments > 0 => "seen by only one camera".into(),
         _ => "not walked".into(),
     }
 }

@@ -67,7 +67,7 @@ pub fn watch_text(health: &CameraHealth, instant: Instant<'_>) -> String {
             evidence_text(change)
         ),
         (None, DriftStatus::CannotTell) => {
-            format!("unknown: {tracks}, too few or not informative enough; {}", detectable_text(health))
+            format!("unknown: not enough information in {tracks}; {}", detectable_text(health))
         }
         (None, _) => format!("unchanged: {tracks}; {}", detectable_text(health)),
     }
@@ -79,11 +79,11 @@ fn movement_text(change: &Change) -> String {
     let [pan_sigma, tilt_sigma, roll_sigma, zoom_sigma] = change.sigmas;
     let turn = |name: &str, by: f64, sigma: f64| {
         let (by, sigma) = (by.to_degrees(), sigma.to_degrees());
-        sigma.is_finite().then(|| format!("{name} {by:+.2}\u{b0} \u{b1} {sigma:.2}"))
+        sigma.is_finite().then(|| format!("{name} {by:+.2}\u{b0} \u{b1} {sigma:.2}\u{b0}"))
     };
     let zoom = zoom_sigma
         .is_finite()
-        .then(|| format!("zoom {:+.1} % \u{b1} {:.1}", 100.0 * zoom.exp_m1(), 100.0 * zoom_sigma));
+        .then(|| format!("zoom {:+.1} % \u{b1} {:.1} %", 100.0 * zoom.exp_m1(), 100.0 * zoom_sigma));
     let parts =
         [turn("pan", pan, pan_sigma), turn("tilt", tilt, tilt_sigma), turn("roll", roll, roll_sigma), zoom];
     parts.into_iter().flatten().collect::<Vec<_>>().join(", ")

@@ -14,7 +14,7 @@ use crate::wording::Wording;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum TableBoxForm {
-    /// Upper left and lower right corner
+    /// Upper left and lower right corners
     Xyxy,
     /// Upper left corner, width and height
     Xywh,
@@ -144,7 +144,7 @@ impl Boxes {
         if !is_plain {
             let meaning = match form {
                 BoxForm::CornerSize => "upper left corner, width and height",
-                BoxForm::Corners => "upper left and lower right corner",
+                BoxForm::Corners => "upper left and lower right corners",
                 BoxForm::CentreSize | BoxForm::Fractions => "centre, width and height",
             };
             let _ = self
@@ -246,8 +246,8 @@ fn check_corners(
     }
     let names = columns.names.join(",");
     Err(TableError::Invalid(format!(
-        "{outside} of {} boxes end outside the image if {names} are corner, width and height, and all fit if they are \
-         two corners: add {}, or {} if the boxes are correct",
+        "with {names} as corner, width and height, {outside} of {} boxes would end outside the image; as two corners, \
+         all fit: add {} for two corners, or {} for corner, width and height",
         rows.len(),
         wording.with("box-form", "xyxy"),
         wording.with("box-form", "xywh"),

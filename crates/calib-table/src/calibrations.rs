@@ -193,7 +193,8 @@ impl Calibrations {
         {
             let [at, column] = ["at", "at-column"].map(|option| wanted.wording.name(option));
             let what = format!(
-                "camera \"{id}\": several periods have this id; choose one with {at} TIME, or name the column of times with {column} NAME"
+                "camera \"{id}\": several periods have this id; choose one with {at} TIME, or name the \
+                 time column with {column} NAME"
             );
             return Err(TableError::Usage(what));
         }

@@ -313,7 +313,7 @@ impl AtColumn {
     fn times_from_numbers(&self, column: &ArrayRef) -> Result<Vec<Option<i64>>, TableError> {
         let Some(unit) = self.unit else {
             return Err(TableError::Invalid(format!(
-                "{}: found {}; give its unit with {}",
+                "{}: found numbers ({}) without a unit; give the unit with {}",
                 self.option_text(),
                 column.data_type(),
                 self.units()

@@ -75,7 +75,8 @@ impl SnapshotError {
         // Texts of libraries can have several paragraphs, and can repeat the address.
         let what = what.to_string();
         let what = what.lines().next().unwrap_or_default().trim_end_matches('.');
-        let what = if repeats(what, address) { "does not answer as expected" } else { what }.to_owned();
+        let unexpected = "did not answer as expected; check the address";
+        let what = if repeats(what, address) { unexpected } else { what }.to_owned();
         Self { kind, address: shown(address), what }
     }
 
@@ -185,7 +186,7 @@ mod tests {
         let address = "rtsp://10.0.0.5/user=admin_password=tlJwpbo6_stream=0.sdp";
         for text in ["no rtsp://10.0.0.5/x", "bad tlJwpbo6"] {
             let shown = SnapshotError::failed(address, text).to_string();
-            assert_eq!(shown, "rtsp://10.0.0.5/\u{2026}: does not answer as expected");
+            assert_eq!(shown, "rtsp://10.0.0.5/\u{2026}: did not answer as expected; check the address");
         }
         let shown =
             SnapshotError::failed("http://10.0.0.5/snap.jpg?1", "responded with 401\n\nconn: x").to_string();

@@ -45,7 +45,7 @@ impl fmt::Display for VideoError {
             Self::Broken(what) => write!(f, "is damaged: {what}; copy it again from its source"),
             Self::Codec(codec) => write!(
                 f,
-                "has the codec {codec}, which cannot be read here (H.264, H.265 and motion JPEG can); convert it, \
+                "uses the codec {codec}, which is not supported (H.264, H.265 and motion JPEG are); convert it, \
                  for example with `ffmpeg -i VIDEO -c:v libx264 video.mp4`"
             ),
             Self::NoVideoTrack => f.write_str("has no video track; choose another file"),
@@ -56,7 +56,7 @@ impl fmt::Display for VideoError {
                 "needs more than 2 GB of memory at once; use fewer frames, or a video with more key frames",
             ),
             Self::TooManyFrames => f.write_str("has more than 10 million frames; cut a shorter clip"),
-            Self::NoFrames => f.write_str("has no frame that can be decoded at this time; choose another time"),
+            Self::NoFrames => f.write_str("has no frame that can be decoded; try another time or another video"),
             Self::OutsideVideo { time_s, duration_s } => {
                 write!(f, "lasts {duration_s:.2} s, and has no frame at {time_s:.2} s; choose an earlier time")
             }

@@ -58,10 +58,10 @@ pub(crate) fn fetch(
                 let body = response.body_mut().with_config().limit(MAX_BYTES).read_to_vec();
                 return body.map_err(|error| failed(&uri, error));
             }
-            _ => return Err(failed(&uri, format!("responded with {status}"))),
+            _ => return Err(failed(&uri, format!("responded with {status}; check the address"))),
         }
     }
-    Err(failed(&uri, format!("more than {MAX_REDIRECTS} redirects")))
+    Err(failed(&uri, format!("redirects more than {MAX_REDIRECTS} times; enter the final address")))
 }
 
 /// Whether credentials for an address may be sent to another one: to the same port of the same host, or to the
@@ -85,7 +85,7 @@ fn reason(error: &ureq::Error) -> String {
         ureq::Error::HostNotFound => "has an unknown host; check the address".into(),
         ureq::Error::Timeout(_) => "did not answer in time; check the address and the network".into(),
         ureq::Error::Io(error) if error.kind() == ConnectionRefused => {
-            "refuses the connection; check the address and the port".into()
+            "refused the connection; check the address and the port".into()
         }
         ureq::Error::Io(error) if matches!(error.kind(), HostUnreachable | NetworkUnreachable) => {
             "cannot be reached; check the address and the network".into()

@@ -92,9 +92,9 @@ impl Walk<'_> {
             let label = || String::from_utf8_lossy(&name).escape_debug().to_string();
             if size < body - at || size > end - at {
                 if depth == 0 && size > end - at {
-                    return Err(VideoError::Broken("it is cut off".into()));
+                    return Err(VideoError::Broken("it is incomplete".into()));
                 }
-                return Err(VideoError::Broken(format!("the box \"{}\" has a wrong length", label())));
+                return Err(VideoError::Broken(format!("the box \"{}\" has the wrong length", label())));
             }
             if depth > 0 && size > MAX_TABLE_BYTES {
                 return Err(VideoError::Broken(format!("the box \"{}\" is too long", label())));

@@ -22,7 +22,7 @@ pub(crate) fn read(
     timeout: Duration,
 ) -> Result<Snapshot, SnapshotError> {
     let failed = |what: &dyn std::fmt::Display| SnapshotError::failed(address, what);
-    let contradiction = || failed(&"sends a video whose data contradict each other");
+    let contradiction = || failed(&"sends video data that cannot be decoded; try again");
     let frame = catch_unwind(AssertUnwindSafe(|| {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
         let runtime = runtime.map_err(|error| failed(&error))?;
@@ -69,11 +69,15 @@ const MAX_DAMAGED_PACKETS: usize = 1000;
 fn error_of(address: &str, has_credentials: bool, error: &retina::Error) -> SnapshotError {
     let what = match error.status_code() {
         Some(401) if !has_credentials => return SnapshotError::without_credentials(address),
-        Some(401) => "rejected the user name or password, or asks for them in an unknown way".into(),
-        Some(403) => "does not allow access (403); check the rights of this user in the camera".into(),
-        Some(404) => "has no stream of this name (404)".into(),
-        Some(code @ (454 | 461)) => format!("does not send its video over TCP ({code})"),
-        Some(code) => format!("responded with the error {code}"),
+        Some(401) => {
+            "rejected the user name or password, or uses an unsupported authentication method".into()
+        }
+        Some(403) => "denied access (403); check the permissions of this user in the camera".into(),
+        Some(404) => "has no stream with this name (404); check the address".into(),
+        Some(code @ (454 | 461)) => {
+            format!("does not send its video over TCP ({code}); allow RTSP over TCP in the camera")
+        }
+        Some(code) => format!("responded with error {code}; check the address"),
         None => error.to_string(),
     };
     SnapshotError::failed(address, what)
@@ -101,9 +105,12 @@ async fn key_frame(address: &str, credentials: Option<&Credentials>) -> Result<K
     let found = names.iter().find_map(|(index, name)| Some((*index, codec_of(name)?)));
     let (index, codec) = found.ok_or_else(|| {
         let what = match names.first() {
-            None => "has no video".to_owned(),
+            None => "has no video; enter the address of a video stream".to_owned(),
             Some((_, name)) => {
-                format!("has a video with the codec {name}; set H.264, H.265 or motion JPEG in the camera")
+                format!(
+                    "sends video with the codec {name}, which is not supported; set H.264, H.265 or motion JPEG in the \
+                     camera"
+                )
             }
         };
         SnapshotError::failed(address, what)

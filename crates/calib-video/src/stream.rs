@@ -95,7 +95,7 @@ impl Packet {
     pub(crate) fn read(&self, source: &mut dyn Source) -> Result<Vec<u8>, VideoError> {
         let [from, length] = self.bytes;
         if length > MAX_PACKET_BYTES {
-            return Err(VideoError::Broken(format!("a frame has {length} bytes")));
+            return Err(VideoError::Broken(format!("a frame of {length} bytes is too large")));
         }
         source.seek(SeekFrom::Start(from))?;
         let mut data = Vec::new();
@@ -130,6 +130,6 @@ pub(crate) fn length(source: &mut dyn Source) -> Result<u64, VideoError> {
 pub(crate) fn bytes_at<const N: usize>(source: &mut dyn Source, at: u64) -> Result<[u8; N], VideoError> {
     let mut bytes = [0; N];
     source.seek(SeekFrom::Start(at))?;
-    source.read_exact(&mut bytes).map_err(|_| VideoError::Broken("it is cut off".into()))?;
+    source.read_exact(&mut bytes).map_err(|_| VideoError::Broken("it is incomplete".into()))?;
     Ok(bytes)
 }

@@ -490,7 +490,7 @@ async function drawing() {
   assert.match(failed.error, /plan.svg: .*SVG drawing/);
   await load("%PDF-1.4\n", "plan.pdf", "application/pdf");
   const refused = await desk.until("another error", (state) => state.error?.includes("plan.pdf"));
-  assert.match(refused.error, /PDF plans are not read here/);
+  assert.match(refused.error, /PDF plans are not supported here/);
   // A hall of 20 m x 12 m, in millimetres.
   const line = (...ends) => ["0", "LINE", "8", "WALLS", ...ends.flatMap((value, k) => [[10, 20, 11, 21][k], value])].join("\n");
   const lines = [line(0, 0, 2e4, 0), line(2e4, 0, 2e4, 12e3), line(2e4, 12e3, 0, 12e3), line(0, 12e3, 0, 0)].join("\n");

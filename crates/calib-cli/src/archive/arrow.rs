@@ -135,7 +135,8 @@ impl Stream {
         let most = MAX_BATCH_BYTES.max(packed.saturating_mul(MAX_COMPRESSION_RATIO));
         if sum > most {
             let what = format!(
-                "a batch of {packed} bytes decompresses to {sum} bytes, more than the limit of {most}"
+                "a batch of {packed} bytes decompresses to {sum} bytes, more than the limit of {most} bytes; \
+                 write the file with smaller batches"
             );
             return Err(self.invalid(what));
         }
@@ -171,7 +172,7 @@ impl Stream {
         }
         let ended = self.decoder.finish();
         ended.map_err(|error: ArrowError| self.invalid(error))?;
-        if self.is_file { Err(self.invalid("the end is missing")) } else { Ok(None) }
+        if self.is_file { Err(self.invalid("the file is incomplete; copy it again")) } else { Ok(None) }
     }
 
     /// Checks the last bytes of the file, which are missing if it was truncated.
@@ -182,7 +183,7 @@ impl Stream {
             end.drain(..end.len().saturating_sub(MAGIC.len()));
             self.chunk.advance(self.chunk.len());
         }
-        if end == MAGIC { Ok(()) } else { Err(self.invalid("the end is missing")) }
+        if end == MAGIC { Ok(()) } else { Err(self.invalid("the file is incomplete; copy it again")) }
     }
 }
 

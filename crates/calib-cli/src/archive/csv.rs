@@ -60,7 +60,8 @@ impl Read for LimitedReader {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         let count = self.from.read(buffer)?;
         let left = self.left.get().checked_sub(count as u64);
-        self.left.set(left.ok_or_else(|| std::io::Error::other("a row is longer than 64 MiB"))?);
+        let too_long = "a row is longer than 64 MiB; check the quotation marks in the table";
+        self.left.set(left.ok_or_else(|| std::io::Error::other(too_long))?);
         Ok(count)
     }
 }

@@ -40,7 +40,8 @@ fn catch_panics<T>(name: &str, work: impl FnOnce() -> Result<T, CommandError>) -
     // A reader is not used again after a panic.
     let done = catch_unwind(AssertUnwindSafe(work));
     set_hook(hook);
-    done.unwrap_or_else(|_| Err(CommandError::invalid(name, "damaged table: its content is inconsistent")))
+    let what = "the table is damaged and cannot be read; write it again";
+    done.unwrap_or_else(|_| Err(CommandError::invalid(name, what)))
 }
 
 impl Source for PanicGuard {

@@ -82,7 +82,7 @@ impl NdjsonSource {
             let count = self.reader.by_ref().take(MAX_ROW_BYTES).read_until(b'\n', &mut self.text);
             let count = count.map_err(|error| CommandError::invalid(&self.name, error))?;
             if count as u64 == MAX_ROW_BYTES {
-                let what = format!("line {}: longer than 64 MiB", self.line);
+                let what = format!("line {}: longer than 64 MiB; write one JSON object per line", self.line);
                 return Err(CommandError::invalid(&self.name, what));
             }
             if count == 0 || !self.text.trim_ascii().is_empty() {
@@ -133,7 +133,7 @@ impl NdjsonSource {
         {
             let what = format!(
                 "{} or soon after: the key \"{name}\" is missing in the first {TYPE_INFERENCE_ROWS} lines, which \
-                 determine the columns of {}; add the key there as null, or use --format ndjson",
+                 determine the columns of the {} output; add it to the first line as null, or use --format ndjson",
                 self.row_name(0),
                 self.to.name
             );

@@ -137,8 +137,10 @@ impl ChunkReader for PageGuard {
 
 fn check(unpacked: u64) -> Result<()> {
     if unpacked > MAX_PAGE_BYTES {
-        let what =
-            format!("a page decompresses to {unpacked} bytes, more than the limit of {MAX_PAGE_BYTES}");
+        let what = format!(
+            "a page decompresses to {unpacked} bytes, more than the limit of {MAX_PAGE_BYTES} bytes; \
+             write the file with smaller pages"
+        );
         return Err(ParquetError::General(what));
     }
     calib_input::check_memory(unpacked).map_err(|error| ParquetError::General(format!("a page {error}")))
@@ -147,7 +149,7 @@ fn check(unpacked: u64) -> Result<()> {
 fn check_list_values(values: u64) -> Result<()> {
     if values > MAX_LIST_VALUES {
         let what = format!(
-            "the lists of a column contain {values} values in one row group, more than the limit of {MAX_LIST_VALUES}: \
+            "the lists of a column contain {values} values in one row group, more than the limit of {MAX_LIST_VALUES}; \
              write the file with smaller row groups, or without that column"
         );
         return Err(ParquetError::General(what));

@@ -431,7 +431,7 @@ impl fmt::Display for StraightViewError {
             Self::Round => {
                 "no flat image contains the whole view of this lens; use the crop \"same-focal\" or a window"
             }
-            Self::Size => "expected images of 2 x 2 pixels to 1.4 gigapixels",
+            Self::Size => "expected images from 2 x 2 pixels to 1.4 gigapixels",
         })
     }
 }

@@ -103,9 +103,7 @@ pub enum StreamError {
 impl fmt::Display for StreamError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NoSize => {
-                f.write_str("the size of the stream is 0; expected its width and height in pixels")
-            }
+            Self::NoSize => f.write_str("the width or height of the stream is 0; expected both in pixels"),
             Self::Proportion { size: [w, h], shown: [sw, sh] } => {
                 write!(
                     f,
@@ -116,7 +114,7 @@ impl fmt::Display for StreamError {
                     let fits = "or the fit \"stretch\" or \"letterbox\"";
                     write!(f, "expected a size like {w} x {height:.0}, {fits}")
                 } else {
-                    write!(f, "{h} x {w} does: are width and height swapped?")
+                    write!(f, "width and height seem to be swapped: {h} x {w} fits")
                 }
             }
             Self::Crop { crop: [left, top, width, height], still: [w, h] } => write!(
@@ -270,7 +268,7 @@ mod tests {
         let refused = of([640, 640], None).unwrap_err();
         assert!(refused.to_string().contains("640 x 360"), "{refused}");
         let turned = of([360, 640], None).unwrap_err().to_string();
-        assert!(turned.ends_with("640 x 360 does: are width and height swapped?"), "{turned}");
+        assert!(turned.ends_with("width and height seem to be swapped: 640 x 360 fits"), "{turned}");
         assert_eq!(of([0, 360], None), Err(StreamError::NoSize));
     }
 

@@ -424,7 +424,8 @@ pub const USUAL_SIZES: [UsualSize; 12] = {
             ("person", "Person, standing, with shoes"),
             (1.71, 0.09),
             Upright,
-            "adults of both sexes, NCD-RisC 2020 country means 1.60 to 1.83 m with 0.07 m within a sex, shoes 0.02 m",
+            "adults of both sexes: country means 1.60 to 1.83 m (NCD-RisC 2020), \u{3c3} 0.07 m within each sex, \
+             shoes 0.02 m",
         ),
         row(("door", "Door leaf, height"), (2.03, 0.04), Upright, "1.985 m (DIN 18101) to 2.134 m (7 ft)"),
         row(
@@ -467,9 +468,14 @@ pub const USUAL_SIZES: [UsualSize; 12] = {
             Length,
             "ICCT pocketbook, mean of new cars 4.35 to 4.45 m",
         ),
-        row(("pallet-eur", "EUR pallet, long side"), (1.2, 0.005), Length, "1200 +- 5 mm (EN 13698-1)"),
+        row(("pallet-eur", "EUR pallet, long side"), (1.2, 0.005), Length, "1200 \u{b1} 5 mm (EN 13698-1)"),
         row(("pallet-gma", "GMA pallet, long side"), (1.219, 0.006), Length, "48 in"),
-        row(("container-20", "20 ft container, length"), (6.058, 0.006), Length, "6058 mm -6 +0 (ISO 668)"),
+        row(
+            ("container-20", "20 ft container, length"),
+            (6.058, 0.006),
+            Length,
+            "6058 mm, +0/\u{2212}6 mm (ISO 668)",
+        ),
     ]
 };
 

@@ -105,8 +105,8 @@ impl fmt::Display for SizeMismatchError {
         let ([ow, oh], [nw, nh]) = (self.old, self.new);
         write!(
             f,
-            "the new image has {nw} x {nh} pixels, but the camera was calibrated on {ow} x {oh}; take an image of that \
-             size from the same stream"
+            "the new image has {nw} x {nh} pixels, but the calibrated image has {ow} x {oh}; take an image of \
+             {ow} x {oh} pixels from the same stream"
         )
     }
 }
@@ -125,7 +125,7 @@ pub enum ComparisonError {
 impl fmt::Display for ComparisonError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NotCalibrated => f.write_str("the camera is not calibrated"),
+            Self::NotCalibrated => f.write_str("the camera is not calibrated; calibrate it first"),
             Self::SizeMismatch(error) => error.fmt(f),
         }
     }

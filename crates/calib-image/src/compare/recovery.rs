@@ -38,11 +38,11 @@ pub enum RecoveryError {
 impl fmt::Display for RecoveryError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NotCalibrated => f.write_str("the camera is not calibrated"),
+            Self::NotCalibrated => f.write_str("the camera is not calibrated; calibrate it first"),
             Self::NotRotated(CameraChange::Shifted) => {
                 write!(f, "{}; annotate the new image", CameraChange::Shifted)
             }
-            Self::NotRotated(became) => write!(f, "{became}; take another image, or annotate this one"),
+            Self::NotRotated(became) => write!(f, "{became}; take another image, or annotate the new one"),
             Self::NoAnnotations => {
                 f.write_str("the old image has no annotations to transfer; annotate the new image")
             }
@@ -50,7 +50,7 @@ impl fmt::Display for RecoveryError {
                 write!(f, "its calibration is not valid at {time}; check valid_from and valid_to")
             }
             Self::TooFewFound(carried, all) => {
-                write!(f, "only {carried} of {all} lines and points were found in the new image; annotate it")
+                write!(f, "only {carried} of {all} lines and points were found; annotate the new image")
             }
             Self::Unsolved(why) => write!(f, "the transferred lines do not determine the camera: {why}"),
             Self::Contradiction(sigmas) => write!(

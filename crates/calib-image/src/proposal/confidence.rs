@@ -121,7 +121,8 @@ impl fmt::Display for Reason {
             ),
             Self::PixelsNotSquare { aspect } => write!(
                 f,
-                "images of this size usually have pixels that are not square (aspect {aspect:.3}); enter lens.pixel_aspect, then try again"
+                "images of this size usually have pixels that are not square (aspect {aspect:.3}); \
+                 enter the pixel aspect (lens.pixel_aspect), then try again"
             ),
             Self::Bars { bars } => write!(
                 f,
@@ -129,7 +130,8 @@ impl fmt::Display for Reason {
             ),
             Self::MayBeUpsideDown { pitch_deg } => write!(
                 f,
-                "the camera looks up by {:.0}\u{b0}, or it hangs upside down; check where the image shows the floor, and the roll if it is entered",
+                "the camera looks up by {:.0}\u{b0}, or it hangs upside down; check where the image shows the \
+                 floor, and check the entered roll, if any",
                 -pitch_deg
             ),
             Self::MayLieOnItsSide => f.write_str(
@@ -140,7 +142,8 @@ impl fmt::Display for Reason {
             ),
             Self::Misfit { chi2_per_dof } => write!(
                 f,
-                "the lines contradict each other (chi-square {chi2_per_dof:.1} per degree of freedom); remove the wrong ones"
+                "the lines contradict each other (chi-square {chi2_per_dof:.1} per degree of freedom); remove the \
+                 wrong lines"
             ),
         }
     }

@@ -163,10 +163,11 @@ impl Frame {
             ),
             Self::Ambiguous => format!(
                 "its pose relative to {others} is known, but their visible floor agrees with several places on the plan; \
-                 place one of them by hand"
+                 place one of these cameras by hand"
             ),
             Self::Unknown => format!(
-                "its pose relative to {others} is known, but not its position in the site; place one of them by hand"
+                "its pose relative to {others} is known, but not its position in the site; place one of \
+                 these cameras by hand"
             ),
         }
     }
@@ -234,12 +235,12 @@ impl PlacementSearch {
         let cameras: Vec<usize> =
             (0..site.cameras.len()).filter(|&camera| why_not_searched(site, camera).is_none()).collect();
         match cameras.len() {
-            0 => Err("no image has an accepted calibration".into()),
+            0 => Err("no image has an accepted calibration; calibrate the cameras first".into()),
             1 if site.plan.is_none() => {
                 Err("only one image has an accepted calibration; two are needed".into())
             }
             count if count > MAX_CAMERAS => Err(format!(
-                "{count} images have a calibration, but at most {MAX_CAMERAS} can be placed at once; use a site \
+                "{count} cameras are calibrated, but at most {MAX_CAMERAS} can be placed at once; use a site \
                  with fewer cameras"
             )),
             _ if cameras.iter().all(|&camera| is_kept(site, camera)) => {
@@ -471,7 +472,7 @@ fn why_not_searched(site: &Site, camera: usize) -> Option<&'static str> {
     let entry = &site.cameras[camera];
     let is_calibrated = entry.solution.as_ref().is_some_and(|own| own.stage >= Stage::Partial);
     if !site.owns_links(camera) {
-        Some("only the first entry of a camera id is placed")
+        Some("only the first entry of this camera in the site file is placed")
     } else if entry.image.is_none() {
         Some("the camera has no image")
     } else if !is_calibrated || entry.camera().is_none() {
@@ -517,10 +518,13 @@ fn summary(site: &Site, cameras: &[CameraPlacement], has_plan: bool, against: us
     let kept = wanted.iter().filter(|camera| camera.is_kept).count();
     let placed = wanted.iter().filter(|camera| camera.placement.is_some()).count();
     let wanted = wanted.len();
-    let by = if has_plan { "by matching colours and the plan" } else { "by matching colours" };
+    let by = if has_plan { "by matching colours and using the plan" } else { "by matching colours" };
     let contradiction = match against {
         0 => String::new(),
-        _ => format!("; {} the common pose", counted(against, "pair contradicts", "pairs contradict")),
+        _ => {
+            let pairs = counted(against, "pair of cameras contradicts", "pairs of cameras contradict");
+            format!("; {pairs} the joint solution")
+        }
     };
     let already = if kept > 0 {
         format!("; {}", counted(kept, "was already placed", "were already placed"))
@@ -528,7 +532,7 @@ fn summary(site: &Site, cameras: &[CameraPlacement], has_plan: bool, against: us
         String::new()
     };
     if placed == 0 && !cameras.iter().any(|camera| camera.group.is_some()) {
-        let on_plan = if has_plan { ", and no camera was found on the plan" } else { "" };
+        let on_plan = if has_plan { ", and no camera could be placed on the plan" } else { "" };
         (false, format!("no two images clearly show the same part of the scene{on_plan}"))
     } else if placed + kept == wanted && against == 0 {
         let all = if kept > 0 { "every other camera" } else { "every camera" };

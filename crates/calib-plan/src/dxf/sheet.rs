@@ -50,8 +50,11 @@ pub(crate) fn read(bytes: &[u8], view: &View) -> Result<Drawing, PlanError> {
             .filter(|layer| !layer.is_shown && layer.count > 0)
             .map(|layer| layer.name.as_str())
             .collect();
-        let advice =
-            if hidden.is_empty() { String::new() } else { format!("; hidden layers: {}", hidden.join(", ")) };
+        let advice = if hidden.is_empty() {
+            String::new()
+        } else {
+            format!("; show one of its hidden layers: {}", hidden.join(", "))
+        };
         return Err(PlanError::Empty(advice));
     };
     let units_per_px = units_per_px(bounds);
@@ -251,16 +254,16 @@ fn corners(model: &Model<'_>, to_pixels: Affine, [width, height]: [f64; 2]) -> V
 fn notes(model: &Model<'_>, pairs: &Pairs<'_>, distant: usize, unknown: &[&str]) -> Vec<String> {
     let mut notes = Vec::new();
     if !unknown.is_empty() {
-        notes.push(format!("Layers that the drawing does not have: {}.", unknown.join(", ")));
+        notes.push(format!("Layers missing from the drawing: {}.", unknown.join(", ")));
     }
     if distant > 0 {
-        notes.push(format!("Lines far away from the plan are not shown: {distant}."));
+        notes.push(format!("Lines not shown because they are far from the plan: {distant}."));
     }
     if model.is_cut {
         notes.push("The drawing is incomplete: it exceeds the limit for lines or nested blocks.".into());
     }
     if pairs.damaged_lines > 0 {
-        notes.push(format!("Damaged lines of the file were skipped: {}.", pairs.damaged_lines));
+        notes.push(format!("Damaged lines skipped in the file: {}.", pairs.damaged_lines));
     }
     if !model.ignored.is_empty() {
         let kinds: Vec<String> =
