@@ -86,12 +86,15 @@
   };
   /** Opens a file chooser; resolves with an empty list if it is cancelled. */
   calib.pick = async (accept, multiple) => {
+    // The browser can delete an input outside the document while its file chooser is open.
+    const input = Object.assign(document.createElement("input"), { type: "file", accept, multiple, hidden: true });
+    document.body.append(input);
     const files = await new Promise((resolve) => {
-      const input = Object.assign(document.createElement("input"), { type: "file", accept, multiple });
       input.onchange = () => resolve([...input.files]);
       input.oncancel = () => resolve([]);
       input.click();
     });
+    input.remove();
     return files.length && !await calib.reads() ? [] : files;
   };
   /** Converts an SVG to a PNG on white; `side` is the longer side in pixels. As an image, an SVG loads no files and runs no scripts. */
