@@ -11,7 +11,7 @@ fn main() -> std::process::ExitCode {
             Some((format!("calib-app {}", env!("CARGO_PKG_VERSION")), ExitCode::SUCCESS))
         }
         Some(other) if other.starts_with('-') => {
-            Some((format!("{other}: no such option.\n\n{HELP}"), ExitCode::from(2)))
+            Some((format!("Unknown option {other}.\n\n{HELP}"), ExitCode::from(2)))
         }
         _ => None,
     });
@@ -31,8 +31,8 @@ fn main() -> std::process::ExitCode {
                 ("no display was found".to_owned(), advice)
             };
             eprintln!(
-                "The window could not be opened: {why}.\n{advice}Without a window, run `calib solve` on a \
-                 site file."
+                "The window could not be opened: {why}.\n{advice}To calibrate without a window, run `calib solve` \
+                 on a site file."
             );
             ExitCode::FAILURE
         }

@@ -126,7 +126,7 @@ fn judgement(app: &App, ui: &mut Ui, proposed: &PendingCalibration) {
     });
     let (fill, colour, icon, words) = match proposed.confidence {
         Confidence::Sure => (palette.raised, palette.ok, Icon::Check, "Sure"),
-        Confidence::Check => (palette.warn_bg, palette.warn, Icon::Warn, "Likely; check it"),
+        Confidence::Check => (palette.warn_bg, palette.warn, Icon::Warn, "Check this result"),
         Confidence::None if proposed.alternative.is_some() => {
             (palette.warn_bg, palette.warn, Icon::Warn, "Two possible solutions")
         }

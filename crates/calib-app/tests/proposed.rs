@@ -151,7 +151,7 @@ fn every_group_has_a_row_with_working_buttons() {
     let mut desk = proposed();
     let groups = left(&desk);
     assert!(groups >= 2, "{:?}", desk.app().editor.session().proposed());
-    assert!(desk.harness.query_by_label_contains("Likely; check it").is_some());
+    assert!(desk.harness.query_by_label_contains("Check this result").is_some());
     assert_eq!(desk.harness.query_all_by_label("matters most").count(), 1);
     desk.harness.get_by_label("To floor lines: verticals").click();
     desk.harness.run_steps(3);

@@ -104,7 +104,7 @@ fn misfit_camera_is_marked_and_its_worst_warning_is_open() {
     desk.harness.run_steps(2);
     let warnings = desk.app().editor.session().solution().unwrap().warnings.clone();
     assert!(warnings.len() > 1, "{warnings:?}");
-    let more = format!("{} more", warnings.len() - 1);
+    let more = format!("Show {} more", warnings.len() - 1);
     let advice = |desk: &Desk| {
         let words = desk.words().join("\n");
         warnings.iter().filter(|warning| words.contains(&warning.advice)).count()

@@ -75,6 +75,11 @@ impl SiteArgs {
         SiteFile::read_solved(&self.site, self.at.as_deref(), self.images.allow_outside)
     }
 
+    /// Returns the time at which the calibrations must be valid.
+    pub(crate) fn time(&self) -> Option<&str> {
+        self.at.as_deref()
+    }
+
     /// Whether the site comes from stdin.
     pub(crate) fn is_stdin(&self) -> bool {
         self.site == "-"

@@ -136,7 +136,11 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     let results: Vec<CameraResult> =
         cameras.map(|(index, camera)| CameraResult::new(&file.site, index, camera, args)).collect();
     if results.is_empty() {
-        return Err(CommandError::Unsolved(format!("{} has no cameras to check", file.path)));
+        let none = match args.site.time() {
+            Some(time) => format!("{}: no camera is valid at {time}", file.path),
+            None => format!("{} has no cameras to check", file.path),
+        };
+        return Err(CommandError::Unsolved(none));
     }
     let of_site = args.max_overlap_m.map(|most| site_faults(&file, most, &args.allow));
     report(&file, &results, of_site.as_deref(), args)?;
@@ -232,10 +236,11 @@ fn site_faults(file: &SiteFile, most: f64, allow: &[Code]) -> Vec<String> {
     }
     let is_measured = overlaps.iter().any(|pair| pair.floor_rms_m.is_some());
     if !is_measured && file.site.cameras.len() > 1 {
-        faults.push(
-            "no link or mark is visible in two cameras, so the cameras cannot be compared on the floor"
-                .into(),
-        );
+        let why = match solution {
+            Some(_) => "no link or mark is visible in two cameras",
+            None => "the cameras have no joint solution",
+        };
+        faults.push(format!("{why}, so the cameras cannot be compared on the floor"));
     }
     let warnings = solution.iter().flat_map(|s| &s.warnings);
     let warnings = warnings.filter(|w| w.code.fails_check() && !allow.contains(&w.code));

@@ -164,9 +164,14 @@ fn entry_index(file: &SiteFile, id: &str, time: Option<Timestamp>) -> Result<usi
     file.has_camera(id)?;
     let time = time.map(|time| time.to_string());
     file.site.entry_index_at(id, time.as_deref()).ok_or_else(|| {
-        CommandError::Usage(format!(
-            "camera \"{id}\": none of its periods applies to the image; choose one with --at TIME"
-        ))
+        CommandError::Usage(match &time {
+            Some(time) => {
+                format!("camera \"{id}\": no calibration is valid at {time}; choose one with --at TIME")
+            }
+            None => format!(
+                "camera \"{id}\": the time of the image is unknown; choose a calibration with --at TIME"
+            ),
+        })
     })
 }
 

@@ -23,8 +23,8 @@ pub(crate) struct SiteFile {
     pub(crate) site: Site,
     pub(crate) path: String,
     folder: PathBuf,
-    /// Whether images outside that folder may be read.
-    allows_outside: bool,
+    /// Whether images outside that folder may be read. `None` if they may not and the command has no option for it.
+    allows_outside: Option<bool>,
     /// SHA-256 of the file, in hexadecimal digits.
     pub(crate) sha256: String,
 }
@@ -32,12 +32,12 @@ pub(crate) struct SiteFile {
 impl SiteFile {
     /// Reads and checks a site file; `-` is stdin, with images relative to the current folder.
     pub(crate) fn read(path: &str) -> Result<Self, CommandError> {
-        Self::read_with(path, false)
+        Self::read_with(path, None)
     }
 
     /// Reads a site file as [`Self::read`] does. `allows_outside` states whether images outside the site's folder
-    /// may be read.
-    pub(crate) fn read_with(path: &str, allows_outside: bool) -> Result<Self, CommandError> {
+    /// may be read; `None` if the command has no option for it.
+    pub(crate) fn read_with(path: &str, allows_outside: Option<bool>) -> Result<Self, CommandError> {
         let most = MAX_BYTES as u64;
         let bytes = if path == "-" {
             calib_input::read_from(std::io::stdin().lock(), most)
@@ -72,7 +72,7 @@ impl SiteFile {
         time: Option<&str>,
         allows_outside: bool,
     ) -> Result<Self, CommandError> {
-        let file = Self::read_with(path, allows_outside)?.with_out_of_date_warnings();
+        let file = Self::read_with(path, Some(allows_outside))?.with_out_of_date_warnings();
         let holds = |camera: &SiteCamera| is_valid_at(camera, time);
         let mut holds =
             file.site.cameras.iter().map(holds).collect::<Result<Vec<bool>, CommandError>>()?.into_iter();
@@ -214,9 +214,12 @@ impl SiteFile {
         let Ok(real) = self.folder.join(image).canonicalize() else {
             return Some(format!("was not found; image paths are relative to {own}"));
         };
-        let is_inside =
-            self.allows_outside || folder.canonicalize().is_ok_and(|folder| real.starts_with(folder));
-        let outside = || format!("is outside {own}; add --allow-outside to read it");
+        let is_allowed = self.allows_outside == Some(true);
+        let is_inside = is_allowed || folder.canonicalize().is_ok_and(|folder| real.starts_with(folder));
+        let outside = || match self.allows_outside {
+            Some(_) => format!("is outside {own}; add --allow-outside to read it"),
+            None => format!("is outside {own}; copy it into that folder"),
+        };
         (!is_inside).then(outside)
     }
 

@@ -167,7 +167,7 @@ pub(crate) struct Args {
 
 /// Solves a site and prints the report.
 pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
-    let file = SiteFile::read_with(&args.site, args.images.allow_outside)?;
+    let file = SiteFile::read_with(&args.site, Some(args.images.allow_outside))?;
     file.check_images()?;
     for id in &args.camera {
         file.has_camera(id)?;

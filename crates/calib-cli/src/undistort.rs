@@ -51,7 +51,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     let entry = file.camera(&args.camera)?;
     let lens = camera_lens(entry);
     if let (None, Distortion::None, Some(error)) = (&entry.solution, lens.distortion, &entry.error) {
-        let what = format!("the lens of camera \"{}\" is unknown: {}", entry.id, error.message);
+        let what =
+            format!("the lens of camera \"{}\" is unknown: {} {}", entry.id, error.message, error.advice);
         return Err(CommandError::Unsolved(what));
     }
     let focal = entry.solution.as_ref().map(|solution| solution.focal_px);
@@ -65,14 +66,16 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
         CropArg::AllPixels => Crop::AllPixels,
     };
     let (width, height) = image.dimensions();
-    let too_small = || anyhow::anyhow!("an image of {width} x {height} pixels is too small to undistort");
+    let id = &entry.id;
+    let too_small = || {
+        anyhow::anyhow!("camera \"{id}\": an image of {width} x {height} pixels is too small to undistort")
+    };
     let made = |crop| Undistortion::new(&lens, width as usize, height as usize, crop);
     let is_round = made(crop).is_none() && made(Crop::SameFocal).is_some();
     if is_round {
         return Err(CommandError::Usage(format!(
-            "a flat image cannot show the whole field of view of camera \"{}\"; omit --crop, or use --look, \
-             --quadrants or --panorama",
-            entry.id
+            "a flat image cannot show the whole field of view of camera \"{id}\"; omit --crop, or use --look, \
+             --quadrants or --panorama"
         )));
     }
     let map = made(crop).ok_or_else(too_small)?;
@@ -80,7 +83,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     let straight = RgbImage::from_raw(width, height, bytes).ok_or_else(too_small)?;
     args.output.write_image(&straight)?;
     if lens.distortion == Distortion::None {
-        files::print_message("the camera has no distortion; the image is unchanged");
+        files::print_message(format_args!("camera \"{id}\": no distortion; the image is unchanged"));
     }
     let centre = map.principal_point();
     let focal = focal.map_or_else(|| "unknown".into(), |focal| format!("{:.2} px", map.focal(focal)));

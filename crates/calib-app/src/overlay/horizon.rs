@@ -37,7 +37,8 @@ impl Overlay<'_> {
             self.paint_band(painter, ends, entry);
         }
         for (fit, at) in family.shown.iter().zip([0.45, 0.2]) {
-            self.paint_named(painter, &fit.pose, entry, (at, &format!("horizon at {:.0}\u{b0}", fit.view)));
+            let text = format!("horizon, field of view {:.0}\u{b0}", fit.view);
+            self.paint_named(painter, &fit.pose, entry, (at, &text));
         }
     }
 

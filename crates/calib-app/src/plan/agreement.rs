@@ -104,7 +104,7 @@ fn lines_row(app: &App, ui: &mut Ui, px: f64, count: usize) {
     let of = counted(count, "floor line", "floor lines");
     response.widget_info(|| WidgetInfo::labeled(Role::Label, true, format!("{of} {text} off")));
     response.on_hover_text(
-        "RMS distance, in this image, of the lines from their positions according to the other cameras",
+        "RMS distance in this image between the lines and their positions according to the other cameras",
     );
     let sigma = app.editor.session().entry().and_then(|entry| entry.sigma_px).unwrap_or(1.0);
     let colour = theme::residual(palette, px / sigma);
@@ -137,7 +137,7 @@ fn disagreement_ui(app: &mut App, ui: &mut Ui, worst: &Agreement) {
                 ui.horizontal(|ui| {
                     shows = ui.button("Show").on_hover_text("Select the link with the largest gap").clicked();
                     let button = ui.button(keys::shown(ui.ctx(), "Link   K"));
-                    links = button.on_hover_text("Click a point that both cameras see").clicked();
+                    links = button.on_hover_text("Link a point that both cameras see").clicked();
                 });
             });
         });

@@ -28,7 +28,8 @@ pub(super) fn fields(ui: &mut Ui, drawing: &DrawingFacts, plan: &mut Plan) -> Op
         let is_whole_unit =
             UNITS.iter().any(|(_, one)| (plan.metres_per_px / (units_per_px * one) - 1.0).abs() < 1e-6);
         if is_other && !is_whole_unit {
-            let text = "The drawing states a different scale. If its file was replaced, load the plan again.";
+            let text = "The scale in the drawing differs from the scale of the plan. If the drawing was replaced, \
+                        load the plan again.";
             ui.label(RichText::new(text).color(theme::palette(ui.ctx()).warn));
         }
     }
@@ -144,7 +145,7 @@ pub(crate) fn walls_menu(app: &mut App, ui: &mut Ui) {
             }
         }
     });
-    menu.response.on_hover_text("Adds the straight lines of a visible layer as walls, which block the view.");
+    menu.response.on_hover_text("Add the straight lines of a visible layer as walls, which block the view.");
     if let Some(layer) = chosen {
         add_walls(app, &layer, states_unit);
     }
@@ -164,7 +165,7 @@ fn add_walls(app: &mut App, layer: &Layer, states_unit: bool) {
     }
     let mut note = format!("{}.", added_walls_text(&layer.name, added, layer.other_lines, short));
     if !states_unit {
-        note.push_str(" The drawing states no unit: check the scale of the plan.");
+        note.push_str(" The drawing contains no unit. Check the scale of the plan.");
     }
     if added > 0 {
         let name = format!("add the walls of {}", layer.name);

@@ -80,8 +80,8 @@ fn point_row(app: &mut App, ui: &mut Ui, point: &GroundPoint, georeference: Opti
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             let text = if cameras.is_empty() { "\u{2014}".into() } else { cameras.join(", ") };
             ui.add(egui::Label::new(text).truncate()).on_hover_text(
-                "Cameras in which this point was clicked, and the distance on the floor between the click and \
-                 its coordinates",
+                "Cameras in which this point was clicked, and the distance on the floor between each click and \
+                 the coordinates of the point",
             );
         });
     });
@@ -93,7 +93,7 @@ fn point_row(app: &mut App, ui: &mut Ui, point: &GroundPoint, georeference: Opti
                 DragValue::new(&mut sigma).prefix("\u{b1} ").suffix(" m").range(0.001..=1000.0).speed(0.01);
             let field = ui.add(field.max_decimals(3).update_while_editing(false)).labelled_by(label.id);
             if field
-                .on_hover_text("Accuracy in metres: 4 for a phone, 0.5 for an aerial image, 0.02 for RTK")
+                .on_hover_text("Accuracy: 4 m for a phone, 0.5 m for an aerial image, 0.02 m for RTK")
                 .changed()
             {
                 sent = Some(PointAction::SetGroundPoint(Box::new(GroundPoint {
@@ -169,7 +169,7 @@ fn cameras_with(session: &Session, id: &str, georeference: Option<&Georeference>
 fn coordinates(point: &GroundPoint) -> String {
     match (point.lat_deg.zip(point.lon_deg), point.crs_m, point.world_m) {
         (Some((lat, lon)), ..) => format!("{lat:.7}, {lon:.7}"),
-        (_, Some([east, north]), _) => format!("{east:.2}, {north:.2}"),
+        (_, Some([east, north]), _) => format!("{east:.2}, {north:.2} m"),
         (_, _, Some(world)) => format!("{:.2}, {:.2}, {:.2} m", world.x, world.y, world.z),
         _ => String::new(),
     }

@@ -204,7 +204,7 @@ pub fn handles(app: &App, ui: &mut Ui) {
         ("Ring", "rotate about the camera"),
         ("Square", "scale and set the height"),
         ("Corners", "rotate and scale about the centre"),
-        ("Double-click", "pin a pivot for the corners"),
+        ("Double-click", "set a pivot for the corners"),
     ] {
         ui.horizontal(|ui| {
             ui.label(RichText::new(title).small().color(palette.text2));
@@ -246,7 +246,7 @@ pub fn plan(app: &mut App, ui: &mut Ui) {
         }
     }
     if app.editor.session().site.plan.is_none() {
-        ui.label(RichText::new("No plan loaded. You can work without one.").color(palette.text2));
+        ui.label(RichText::new("No floor plan is loaded. You can work without one.").color(palette.text2));
         if ui.button("Load a floor plan\u{2026}").clicked() {
             app.open_dialog(crate::choice::Purpose::LoadPlan);
         }
@@ -311,7 +311,7 @@ fn scale_fields(app: &mut App, ui: &mut Ui) {
         let field = DragValue::new(&mut plan.x_axis_deg)
             .speed(0.1)
             .range(-360.0..=360.0)
-            .suffix(" \u{b0}")
+            .suffix("\u{b0}")
             .max_decimals(3);
         if ui.add(field.update_while_editing(false)).labelled_by(label.id).changed() {
             changed = Some("rotate the plan's axes");

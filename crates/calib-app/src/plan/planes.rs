@@ -34,14 +34,14 @@ fn row(app: &mut App, ui: &mut Ui, index: usize) {
     let mut asked = None;
     ui.horizontal(|ui| {
         let title = RichText::new(&plane.id).font(theme::medium(12.0));
-        if ui.selectable_label(is_chosen, title).on_hover_text(format!("Plane {}", plane.id)).clicked() {
+        if ui.selectable_label(is_chosen, title).on_hover_text(format!("Edit plane {}", plane.id)).clicked() {
             asked = Some(PlaneAction::Choose((!is_chosen).then_some(index)));
         }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             let look = Look { size: Vec2::splat(18.0), ..Look::default() };
             let remove = format!("Remove plane {}", plane.id);
-            if icons::button(ui, Icon::Close, &remove, "Its annotations return to the floor", look).clicked()
-            {
+            let tip = "Remove the plane; its annotations return to the floor";
+            if icons::button(ui, Icon::Close, &remove, tip, look).clicked() {
                 asked = Some(PlaneAction::Delete(index));
             }
             let text = RichText::new(summary(app, &plane)).color(palette.text2);
@@ -227,7 +227,7 @@ fn region_buttons(app: &mut App, ui: &mut Ui, index: usize, plane: &PlaneEntry) 
         let camera = app.editor.session().entry().map_or("this camera", |entry| &entry.id);
         if ui
             .button("Use the field of view")
-            .on_hover_text(format!("The floor area that {camera} sees"))
+            .on_hover_text(format!("Set the region to the floor area that {camera} sees"))
             .clicked()
         {
             asked = Some(PlaneAction::SetRegionFromField(index));

@@ -48,8 +48,7 @@ pub(crate) fn hand_overs_ui(app: &mut App, ui: &mut Ui) {
     let Some(found) = shown.result.as_ref().ok().filter(|found| !found.hand_overs.is_empty()) else { return };
     let mut pointed = None;
     let tip = "Floor area that two cameras see. The expected disagreement is the RMS distance between the \
-               positions that both compute for the same target, exactly at the chosen height, without \
-               detector errors";
+               two computed positions of a target at the chosen height, without detector errors.";
     heading(ui, "Hand-over zones", "expected disagreement");
     let row_height = 2.0 * ui.text_style_height(&egui::TextStyle::Body) + 6.0;
     ScrollArea::vertical().id_salt("hand-over zones").max_height(MAX_HEIGHT).show_rows(

@@ -272,7 +272,7 @@ pub(crate) fn offer(app: &mut App, ui: &mut Ui, rect: Rect, is_tall: bool) {
                     if is_tall
                         && ui
                             .button("Compare them")
-                            .on_hover_text("Show two of these cameras side by side")
+                            .on_hover_text("Show two of the solutions side by side")
                             .clicked()
                     {
                         app.view.compares_views = true;
@@ -291,7 +291,7 @@ pub(crate) fn dock_ui(app: &mut App, ui: &mut Ui) {
     egui::Frame::NONE.fill(palette.panel).inner_margin(12).show(ui, |ui| {
         ui.set_min_size(ui.available_size());
         let title = match family.range {
-            Some(_) => "Two of the cameras that fit equally well",
+            Some(_) => "Two of the solutions that fit equally well",
             None => "Two solutions fit equally well",
         };
         ui.horizontal(|ui| {
@@ -350,7 +350,7 @@ fn card(app: &App, ui: &mut Ui, family: &Family, which: usize) -> Option<f64> {
     });
     let size = Vec2::new(ui.available_width(), (ui.available_height() - 28.0).max(40.0));
     let (rect, response) = ui.allocate_exact_size(size, Sense::hover());
-    let label = format!("Camera with a field of view of {view:.0}\u{b0}");
+    let label = format!("Solution with a field of view of {view:.0}\u{b0}");
     response.widget_info(|| WidgetInfo::labeled(Role::Image, true, &label));
     let (left, right) = rect.split_left_right_at_fraction(0.6);
     let (left, right) = (left.with_max_x(left.right() - 4.0), right.with_min_x(right.left() + 4.0));

@@ -192,7 +192,7 @@ fn shortcuts(app: &mut App, ctx: &Context) {
                  While dragging or drawing: hold Alt to snap to the edge.",
                 "Without a mouse: the arrow keys move a crosshair while a tool is active (Shift: faster), and Enter clicks. \
                  Enter again at the same place finishes a line.",
-                "Marks: hold Alt to drag the camera instead of the mark, Ctrl to change its height.   \
+                "Marks: hold Alt to drag the camera instead of the mark, or Ctrl to change the height of the mark.   \
                  Ctrl+click: select more.",
             ] {
                 ui.label(RichText::new(line).color(palette.text2));

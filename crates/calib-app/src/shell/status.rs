@@ -64,7 +64,7 @@ fn proposal_hint(app: &App, ui: &Ui) -> Option<String> {
     Some(match picked {
         Some(group) => {
             let title = group.title();
-            format!("Line of the group \u{201c}{title}\u{201d} selected. Press Delete to remove it.")
+            format!("A line of the group \u{201c}{title}\u{201d} is selected. Press Delete to remove it.")
         }
         None if proposed.confidence == Confidence::None && proposed.alternative.is_some() => {
             "Two solutions fit the edges equally well. Click the correct one, or press Esc to discard both."

@@ -35,10 +35,10 @@ const MENU: &[&[Command]] = &[
 
 /// Buttons of the views: mode, command, icon, label and tooltip.
 const VIEWS: [(Mode, Command, Icon, &str, &str); 4] = [
-    (Mode::Image, Command::ViewImage, Icon::Image, "Image", "The image of one camera"),
-    (Mode::Plan, Command::ViewPlan, Icon::Plan, "Plan", "The floor plan, to place cameras"),
-    (Mode::All, Command::ViewAll, Icon::All, "All cameras", "The images of all cameras and the plan"),
-    (Mode::Scene, Command::ViewScene, Icon::Scene, "Scene", "All cameras in 3-D"),
+    (Mode::Image, Command::ViewImage, Icon::Image, "Image", "Show the image of one camera"),
+    (Mode::Plan, Command::ViewPlan, Icon::Plan, "Plan", "Show the floor plan, to place cameras"),
+    (Mode::All, Command::ViewAll, Icon::All, "All cameras", "Show the images of all cameras and the plan"),
+    (Mode::Scene, Command::ViewScene, Icon::Scene, "Scene", "Show all cameras in 3-D"),
 ];
 
 /// Shows the top bar.
@@ -136,7 +136,8 @@ fn right(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
     let palette = theme::palette(ui.ctx());
     let mut button = |ui: &mut Ui, icon, label: &str, command, on: Option<bool>| {
         let look = Look { enabled: app.is_enabled(command), chosen: on, ..Look::default() };
-        if icons::button(ui, icon, label, "", look).clicked() {
+        let tip = if (command, on) == (Command::Pause, Some(true)) { "Resume solving" } else { "" };
+        if icons::button(ui, icon, label, tip, look).clicked() {
             *chosen = Some(command);
         }
     };

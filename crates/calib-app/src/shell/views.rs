@@ -187,18 +187,22 @@ fn header(app: &mut App, ui: &mut Ui, rect: Rect, title: &str, switches: &[Comma
 /// Returns the label of a switch, whether it is on, and its tooltip.
 const fn state(app: &App, command: Command) -> (&'static str, bool, &'static str) {
     match command {
-        Command::Grid => ("Grid", app.view.layers.grid, "Square grid on the floor"),
+        Command::Grid => ("Grid", app.view.layers.grid, "Show a square grid on the floor"),
         Command::Horizon => {
-            ("Horizon", app.view.layers.horizon, "Horizon and vanishing points of the camera")
+            ("Horizon", app.view.layers.horizon, "Show the horizon and the vanishing points of the camera")
         }
-        Command::Field => ("Field", app.view.layers.field, "Floor area that the camera should cover"),
-        Command::Prism => ("Prism", app.view.layers.prism, "Field of view, extended to 2 m above the floor"),
-        Command::Guide => ("Guide", app.view.layers.guide, "A 1.75 m tall person at the pointer"),
-        Command::Straighten => ("Undistort", app.view.layers.straight, "Image without its distortion"),
+        Command::Field => {
+            ("Field", app.view.layers.field, "Show the floor area that the camera should cover")
+        }
+        Command::Prism => {
+            ("Prism", app.view.layers.prism, "Show the field of view, extended to 2 m above the floor")
+        }
+        Command::Guide => ("Guide", app.view.layers.guide, "Show a 1.75 m tall person at the pointer"),
+        Command::Straighten => ("Undistort", app.view.layers.straight, "Show the image without distortion"),
         Command::NextWindow => (
             "Window",
             !matches!(app.view.looking, Looking::Whole),
-            "Next undistorted part of the fisheye image",
+            "Show the next undistorted part of the fisheye image",
         ),
         Command::Snap => {
             ("Snap", app.editor.session().tool.snap, "Snap to round positions and angles while dragging")
@@ -206,7 +210,9 @@ const fn state(app: &App, command: Command) -> (&'static str, bool, &'static str
         Command::ColourByResidual => {
             ("Colour by error", app.view.layers.by_residual, "Colour lines by their residual, not by kind")
         }
-        Command::Coverage => ("Coverage", app.view.coverage, "Pixel density on the floor"),
+        Command::Coverage => {
+            ("Coverage", app.view.coverage, "Colour the floor by pixel density or by number of cameras")
+        }
         Command::Blend => ("All images", app.view.blend, "Project the images of all cameras onto the floor"),
         Command::Magnify => {
             ("Ellipses \u{d7}10", app.view.magnified, "Draw uncertainty ellipses 10 times larger")

@@ -79,7 +79,7 @@ pub(crate) fn warnings_ui(app: &mut App, ui: &mut Ui) {
         card(ui, &shown, |ui| buttons(app, ui, warning, &mut request));
     }
     if warnings.len() > 1 {
-        let more = format!("{} more", warnings.len() - 1);
+        let more = format!("Show {} more", warnings.len() - 1);
         if ui.button(if shows_all { "Show only the first" } else { &more }).clicked() {
             shows_all = !shows_all;
             ui.data_mut(|data| data.insert_temp(is_open, shows_all));

@@ -155,7 +155,7 @@ impl App {
             return;
         }
         if self.jobs.proposing.is_some() {
-            let note = "An image is being calibrated. Wait for the result, or cancel it first.";
+            let note = "An image is being calibrated. Wait for the result, or cancel the calibration first.";
             return self.act(Action::Note(note.into()));
         }
         self.act(Action::CancelGesture);
@@ -288,7 +288,7 @@ impl App {
                 report.set_placement(&Period::from_camera(entry), RowPlacement::Unknown, unreadable(error));
                 own.cameras.retain(|&other| other != camera);
                 if own.cameras.is_empty() || own.cameras.len() < 2 && own.solved.plan.is_none() {
-                    return Err("fewer than two images could be read".into());
+                    return Err("too few images could be read".into());
                 }
                 ctx.request_repaint();
             } else if let Some(image) = image {
@@ -330,11 +330,9 @@ impl App {
         };
         let found = found?;
         if *self.editor.site() != own.from {
-            return Err(
-                "no camera was placed, because the site was changed during the search; press Shift+A \
-                        again"
-                    .into(),
-            );
+            return Err("the site was changed during the search, so no camera was placed; press Shift+A \
+                        to search again"
+                .into());
         }
         for (entry, camera) in own.from.cameras.iter().zip(&found.cameras) {
             let of = Period::from_camera(entry);

@@ -109,7 +109,11 @@ impl App {
             Ok(Some(step)) => self.jobs.comparing.push_front(Comparing { camera, step }),
             // The next comparison begins with the next frame.
             Ok(None) => ctx.request_repaint(),
-            Err(error) => self.act(Action::AddError(format!("{camera}: {error}"))),
+            Err(error) => {
+                let error = error.trim_end_matches('.');
+                let message = format!("The newer image of {camera} was not compared: {error}.");
+                self.act(Action::AddError(message));
+            }
         }
     }
 
@@ -119,8 +123,9 @@ impl App {
             Step::Opening(task) => match task.outcome() {
                 None => Ok(Some(Step::Opening(task))),
                 Some(read) => {
-                    let read =
-                        read.map_err(|Lost| "the newer image could not be read".to_owned()).flatten()?;
+                    let read = read
+                        .map_err(|Lost| "its file could not be read; choose it again".to_owned())
+                        .flatten()?;
                     self.calibrated_period(camera, read).map(|asked| Some(Step::Reading(Box::new(asked))))
                 }
             },
@@ -218,9 +223,15 @@ impl App {
         let name = entry.image.clone().unwrap_or_default();
         let stills =
             [&name, &newer.image].map(|name| self.pictures.ready(name).map(|own| Arc::clone(&own.image)));
+        let failed =
+            [&name, &newer.image].into_iter().find_map(|name| Some((name, self.pictures.error(name)?)));
+        if let Some((name, error)) = failed {
+            let image = self.editor.session().images.shown_name(name);
+            return self.act(Action::AddError(format!("{}: {image} cannot be used: {error}", of.camera)));
+        }
         let [Some(old), Some(new)] = stills else {
             return self
-                .act(Action::Note("The images are still loading. Try Recover again in a moment.".into()));
+                .act(Action::Note("The images are still loading. Press Recover again in a moment.".into()));
         };
         self.act(Action::CancelGesture);
         let session = self.editor.session();

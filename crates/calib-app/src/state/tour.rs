@@ -78,7 +78,7 @@ pub const STEPS: [TourStep; 9] = [
     TourStep {
         title: "Enter a known length",
         text: "Drag along a joint from corner to corner over several tiles, for example five. Type the length in \
-               the panel Lines: one tile is 0.6 m. The length determines the scale of the camera.",
+               the Lines panel: one tile is 0.6 m. The length determines the scale of the camera.",
         buttons: &[("Known length tool (L)", TourButton::Tool("Known length"))],
     },
     TourStep {
@@ -98,13 +98,13 @@ pub const STEPS: [TourStep; 9] = [
     },
     TourStep {
         title: "Refine all cameras",
-        text: "The program solves all cameras together, from their lines and links. Afterwards no camera should be red, \
-               and all should agree about the floor.",
+        text: "The program solves all cameras together, from their lines and links. Afterwards, no camera should be \
+               red, and all cameras should agree on positions on the floor.",
         buttons: &[("Refine all (F9)", TourButton::Command(Command::Refine))],
     },
     TourStep {
         title: "Check the result in every view",
-        text: "Drag a box or a post in one view. It should be on the same spot in all views.",
+        text: "Drag a mark, such as a box or a post, in one view. It should be in the same place in all views.",
         buttons: &[
             ("All cameras (3)", TourButton::Command(Command::ViewAll)),
             ("Select tool (Q)", TourButton::Tool("Select")),
@@ -194,7 +194,7 @@ impl Tour {
         let known = entry.annotations.iter().rfind(|drawn| drawn.kind == Kind::KnownLength);
         let Some(known) = known else { return Some("No line of known length yet.".into()) };
         let Some(length) = known.length_m.filter(|_| !known.off) else {
-            return Some("Type the length of the line in the panel Lines.".into());
+            return Some("Type the length of the line in the Lines panel.".into());
         };
         let line = known.polylines().next().unwrap_or_default();
         let on_floor = |pixel: &Pixel| self.truth?.pixel_to_floor(*pixel, 0.0);
@@ -226,7 +226,8 @@ impl Tour {
         let turned = (pose.yaw - truth.yaw).sin().atan2((pose.yaw - truth.yaw).cos()).to_degrees();
         let scaled = pose.position.z / truth.position.z;
         if off > 1.5 {
-            return Some(format!("{} to go: drag the white dot.", session.site.units.length(off, 1)));
+            let off = session.site.units.length(off, 1);
+            return Some(format!("{off} from the true position: drag the white dot."));
         }
         if turned.abs() > 8.0 {
             let side = if turned > 0.0 { "right" } else { "left" };

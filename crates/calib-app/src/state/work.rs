@@ -102,7 +102,8 @@ impl App {
     /// Starts the automatic calibration of the current image.
     pub(crate) fn propose(&mut self) {
         if self.jobs.automatic.is_some() {
-            let note = "All images are being calibrated. Wait for the result, or cancel it first.";
+            let note =
+                "All images are being calibrated. Wait for the result, or cancel the calibration first.";
             return self.act(Action::Note(note.into()));
         }
         let session = self.editor.session();

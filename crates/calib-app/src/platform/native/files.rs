@@ -152,7 +152,7 @@ pub(super) fn ask(purpose: Purpose) -> Answer {
             Box::pin(async { files.await.unwrap_or_default() })
         }
         Purpose::SaveSite | Purpose::SavePlain => {
-            let file = site("Save site").set_file_name("site.json").save_file();
+            let file = site("Save the site").set_file_name("site.json").save_file();
             Box::pin(async { file.await.into_iter().collect() })
         }
         Purpose::Open => {
@@ -187,7 +187,7 @@ pub(super) fn ask(purpose: Purpose) -> Answer {
             Box::pin(async { file.await.into_iter().collect() })
         }
         Purpose::Export => {
-            let folder = dialog.set_title("Export into a folder").pick_folder();
+            let folder = dialog.set_title("Export to a folder").pick_folder();
             Box::pin(async { folder.await.into_iter().collect() })
         }
     };

@@ -51,7 +51,7 @@ impl Platform for Web {
 
     /// Returns an error: the browser cannot read paths, and files must be dropped on the page.
     fn read(path: &Path) -> FileResult<Vec<u8>> {
-        Err(format!("{}: drop this image on the page", path.display()))
+        Err(format!("{}: the browser cannot open this path; drop the image on the page", path.display()))
     }
 
     fn read_within(path: &Path, _: &AllowedFiles) -> FileResult<Vec<u8>> {
