@@ -153,7 +153,7 @@ commands! {
         Export "Export for other programs\u{2026}" [Cameras] CTRL E;
         Report "Create a one-page report\u{2026}" [Cameras];
         SavePicture "Save this view as an image\u{2026}" CTRL_SHIFT P;
-        StopWork "Cancel the running task (reading, edge detection, refining)" [Work];
+        StopWork "Cancel the running task" [Work];
         ReadAgain "Reload images and detect edges again";
     }
     /// Commands on the current gesture and the history.
@@ -161,7 +161,7 @@ commands! {
         Redo "Redo" [Redo] CTRL_SHIFT Z;
         Undo "Undo" [Undo] CTRL Z;
         Accept "Finish the line or polygon" NONE Enter;
-        Cancel "Cancel the gesture, or deselect" NONE Escape;
+        Cancel "Cancel the current action, or deselect all" NONE Escape;
         StepBack "Remove the last point" NONE Backspace;
     }
     /// Commands on the selected parts.

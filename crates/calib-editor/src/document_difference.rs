@@ -53,7 +53,7 @@ pub fn differences(from: &Site, to: &Site) -> Vec<String> {
         counted.into_iter().filter(|(.., differ)| *differ).map(|(what, a, b, _)| count_text(what, a, b)),
     );
     if from.level_px_per_m != to.level_px_per_m {
-        differences.push("limits of the pixel density".into());
+        differences.push("pixel density limits".into());
     }
     if from.plan != to.plan {
         differences.push("floor plan".into());

@@ -113,7 +113,7 @@ pub fn missing_search_line(session: &Session, link: &Link, camera: usize) -> Opt
     });
     let lines: Vec<SearchLine> =
         link.seen.iter().filter_map(|seen| search_line(session, link, seen)).collect();
-    let above = || lines.is_empty().then(|| format!("the click is above the horizon of {}", first.camera));
+    let above = || lines.is_empty().then(|| format!("the click in {} is above the horizon", first.camera));
     let outside = || {
         let pose = session.solved.placed_pose(camera)?;
         let is_visible = lines.iter().any(|line| line.is_visible(pose, entry.size()));

@@ -271,7 +271,7 @@ impl Session {
         if !may && let Some(entry) = self.site.cameras.get(camera) {
             let id = &entry.id;
             self.note = Some(format!(
-                "The period of this calibration has ended. Click links and marks in the newest image of {id}."
+                "The period of this calibration has ended. Add links and marks in the newest image of {id}."
             ));
         }
         may
@@ -331,8 +331,10 @@ impl Session {
                 ..kept
             };
             if camera.placement.as_ref() != Some(&kept) {
+                let note =
+                    format!("{} was moved so that its field of view stays in place on the plan.", camera.id);
                 self.site.cameras[index].placement = Some(kept);
-                self.note = Some("Field of view kept in place on the plan.".into());
+                self.note = Some(note);
                 moved = true;
             }
         }

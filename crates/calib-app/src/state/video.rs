@@ -113,7 +113,10 @@ impl VideoSheet {
             match outcome {
                 Ok(Ok(found)) => self.take(ctx, request, found),
                 Ok(Err(error)) => self.error = Some(format!("{} {error}.", self.file.name)),
-                Err(Lost) => self.error = Some("Internal error; please report this.".into()),
+                Err(Lost) => {
+                    let name = &self.file.name;
+                    self.error = Some(format!("Internal error while reading {name}. Please report it."));
+                }
             }
         }
         if self.error.is_some() || self.strip.is_empty() {

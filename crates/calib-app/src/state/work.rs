@@ -52,7 +52,7 @@ impl App {
     /// recovery, reading and edge detection.
     pub fn stop_work(&mut self) {
         if self.jobs.refining.take().is_some() {
-            self.act(Action::Note("Cancelled. No camera pose was changed.".into()));
+            self.act(Action::Note("Refinement cancelled. No camera pose was changed.".into()));
             return;
         }
         if self.jobs.proposing.take().is_some() {
@@ -64,10 +64,13 @@ impl App {
             return;
         }
         if self.is_comparing() {
+            let note = if self.jobs.recovering.is_some() {
+                "Recovery cancelled. No camera was changed."
+            } else {
+                "Comparison cancelled. The remaining newer images were not compared."
+            };
             self.stop_comparing();
-            self.act(Action::Note(
-                "Cancelled. The newer images were not compared, and no camera was recovered.".into(),
-            ));
+            self.act(Action::Note(note.into()));
             return;
         }
         let count = self.waiting();
@@ -111,7 +114,7 @@ impl App {
         let (Some(camera), Some(image)) = (session.without_annotations(session.camera), entry.image.clone())
         else {
             let note = format!(
-                "{} has no image: choose \u{201c}Replace the image of this camera\u{201d}.",
+                "{} has no image. Choose \u{201c}Replace the image of this camera\u{201d}.",
                 entry.id
             );
             return self.act(Action::Note(note));

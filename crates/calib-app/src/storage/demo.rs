@@ -40,7 +40,7 @@ pub fn render(name: &str) -> Result<Vec<u8>, String> {
     let image = match entry.and_then(|index| Some((demo.truth.get(index)?, demo.site.cameras.get(index)?))) {
         Some(((_, camera), entry)) => calib_demo::render(camera, entry.size_px),
         None if is_plan => calib_demo::render_plan(),
-        None => return Err(format!("{name}: not an image of the demonstration site")),
+        None => return Err(format!("{name} is not an image of the demonstration site")),
     };
     let bytes = calib_editor::images::png(&image)?;
     if let Some(folder) = folder() {

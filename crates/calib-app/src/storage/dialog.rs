@@ -72,7 +72,7 @@ impl Chosen {
         match (self.bytes, self.path) {
             (Some(bytes), _) => Ok(bytes),
             (None, Some(path)) => Here::read(&path),
-            (None, None) => Err("cannot be read".into()),
+            (None, None) => Err("the file cannot be read".into()),
         }
     }
 
@@ -81,6 +81,7 @@ impl Chosen {
     /// # Errors
     /// When the file cannot be read or is not UTF-8.
     pub fn into_text(self) -> FileResult<String> {
-        String::from_utf8(self.into_bytes()?).map_err(|_| "not UTF-8 text".into())
+        let error = "the file is not UTF-8 text. Choose a site file.";
+        String::from_utf8(self.into_bytes()?).map_err(|_| error.into())
     }
 }

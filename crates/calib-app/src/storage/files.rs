@@ -39,7 +39,8 @@ pub fn open(path: &Path) -> FileResult<(Site, Images)> {
 pub fn open_stamped(path: &Path) -> FileResult<(Site, Images, u64)> {
     let bytes = Here::read(path)?;
     let held = stamp(&bytes);
-    let text = String::from_utf8(bytes).map_err(|_| format!("{}: not UTF-8 text", path.display()))?;
+    let text = String::from_utf8(bytes)
+        .map_err(|_| format!("{}: the file is not UTF-8 text. Choose a site file.", path.display()))?;
     let folder = path.parent().map(Path::to_path_buf);
     let drawings = Images::in_folder(folder.clone(), None);
     let (site, images) = parse_with_drawing(&text, folder, |plan| scale_of_drawing(plan, &drawings))

@@ -77,11 +77,13 @@ impl Editor {
         }
         let (old, from) = (entry.image.replace(image), std::mem::replace(&mut entry.size_px, size));
         let size = Some(from).filter(|from| *from != size);
-        self.session.commit(format!("replace the image of {}", of.camera));
+        let camera = of.camera.clone();
+        self.session.commit(format!("replace the image of {camera}"));
         self.replaced_image = old.map(|image| ReplacedImage { of, image, opacity: 0.5, size });
         if let Some([w, h]) = size {
             self.session.note = Some(format!(
-                "The old image had another size, {w} \u{d7} {h} px. Press \u{201c}Rescale the annotations\u{201d}."
+                "The old image of {camera} had a different size, {w} \u{d7} {h} px. \
+                 Press \u{201c}Rescale the annotations\u{201d}."
             ));
         }
     }
@@ -111,20 +113,23 @@ impl Editor {
     }
 
     pub(super) fn name_camera(&mut self, name: String) {
-        if let Some(entry) = self.session.entry_mut() {
-            entry.name = Some(name).filter(|name| !name.trim().is_empty());
-        }
-        self.session.commit("change the name of a camera");
+        let Some(entry) = self.session.entry_mut() else { return };
+        entry.name = Some(name).filter(|name| !name.trim().is_empty());
+        let step = format!("change the name of {}", entry.id);
+        self.session.commit(step);
     }
 
     pub(super) fn rename_camera(&mut self, id: &str) {
         let session = &mut self.session;
-        if id.is_empty() || session.site.cameras.iter().any(|camera| camera.id == id) {
-            let note = "Camera not renamed: the ID is empty or already in use. Enter another ID.";
-            session.note = Some(note.into());
+        let Some(old) = session.entry().map(|entry| entry.id.clone()) else { return };
+        if old == id {
             return;
         }
-        let Some(old) = session.entry().map(|entry| entry.id.clone()) else { return };
+        if id.is_empty() || session.site.cameras.iter().any(|camera| camera.id == id) {
+            let why = if id.is_empty() { "the ID is empty" } else { "another camera has this ID" };
+            session.note = Some(format!("{old} was not renamed: {why}. Enter another ID."));
+            return;
+        }
         let periods = session.site.cameras.iter_mut().map(|camera| &mut camera.id);
         periods.filter(|own| **own == old).for_each(|own| id.clone_into(own));
         let links =
@@ -203,10 +208,9 @@ impl Editor {
         if let Some(known) =
             self.newer.iter().find(|known| newer.is_same_camera(known) && newer.is_before(known))
         {
-            let (title, since) = (&known.title, &known.since);
-            self.session.note = Some(format!(
-                "{camera}: an image older than {since} was ignored ({became}). The newer image {title} was kept."
-            ));
+            let (title, kept, since) = (&newer.title, &known.title, &known.since);
+            self.session.note =
+                Some(format!("{camera}: {title} was ignored, because it is older than {kept} ({since})."));
             return;
         }
         self.session.note = Some(format!("{camera}: {became}."));
@@ -225,7 +229,7 @@ impl Editor {
         self.cancel();
         if self.session.site != *from {
             self.session.note = Some(format!(
-                "{camera} was not recovered: the site changed in the meantime. Recover it again."
+                "{camera} was not recovered: the site was changed in the meantime. Start the recovery again."
             ));
             return;
         }

@@ -31,9 +31,10 @@ impl Editor {
         let session = &mut self.session;
         let camera = session.camera;
         if session.is_fixed_by_control_points(camera) {
-            let note = "Control points determine this camera's position. \
-                        Switch them off to move the camera by hand.";
-            session.note = Some(note.into());
+            let name = &session.site.cameras[camera].id;
+            session.note = Some(format!(
+                "Control points determine the position of {name}. Switch them off to move the camera by hand."
+            ));
             return;
         }
         let Some(mut placement) = session.placement(camera) else { return };
@@ -147,7 +148,7 @@ impl Editor {
         };
         (plan.metres_per_px, plan.origin_px, plan.x_axis_deg) =
             (world_file.metres_per_px, world_file.origin_px, world_file.x_axis_deg);
-        self.session.note = Some("Position and scale read from the world file.".into());
+        self.session.note = Some(format!("Position and scale of the plan read from {name}."));
         self.session.commit(format!("position the plan with {name}"));
     }
 
@@ -216,9 +217,9 @@ impl Editor {
         let shown = session.pose().map(|pose| drawn.iter().filter_map(|&px| pose.pixel_to_plane(px, &plane)));
         let region: Vec<_> = shown.into_iter().flatten().map(WorldPoint::on_floor).collect();
         if region.len() < 3 {
-            let note =
-                "First draw this camera's field of view on this plane (F), with three or more corners.";
-            session.note = Some(note.into());
+            session.note = Some(format!(
+                "First draw this camera's field of view on {id} (F), with three or more corners."
+            ));
             return;
         }
         set_region(&mut session.site.planes[index], region);

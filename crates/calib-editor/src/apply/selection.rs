@@ -232,7 +232,8 @@ impl Editor {
         let pulled = snap::pull_parts(&mut session.site, camera, parts, lens, image);
         session.commit(format!("snap {name} to the edge"));
         session.note = Some(match pulled {
-            0 => "No edge was found along the selection.".into(),
+            0 => "No edge was found along the selection. Drag its points closer to the edge, and try again."
+                .into(),
             count => format!("Snapped to edges: {}.", counted(count, "line", "lines")),
         });
     }

@@ -74,7 +74,7 @@ impl Linking {
             let joined = link.id.unwrap_or_default();
             session.commit(format!("join {joined} and {name}"));
         } else if !is_named {
-            session.commit(format!("name {name}"));
+            session.commit(format!("name the link {name}"));
         }
         session.selection.retain(|part| !matches!(part, Part::Link { .. }));
         self.open_id = Some(name);

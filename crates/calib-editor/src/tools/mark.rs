@@ -138,9 +138,10 @@ impl MarkDrag {
         let started = Pixel::from(pointer.at);
         if let (Pane::Image(camera), true) = (pointer.pane, pointer.modifiers.alt) {
             if session.is_fixed_by_control_points(camera) {
-                session.note = Some(
-                    "Control points determine this camera's position. Switch them off to pin a mark.".into(),
-                );
+                let name = &session.site.cameras[camera].id;
+                session.note = Some(format!(
+                    "Control points determine the position of {name}. Switch them off to pin a mark."
+                ));
                 return None;
             }
             let pose = session.solved.pose(camera)?;
@@ -288,11 +289,13 @@ impl Corners {
         session.commit(format!("add {name}"));
         if session.note.is_none() {
             let solved = if session.solved.pose(self.camera).is_some() {
-                ""
+                String::new()
             } else {
-                "The camera cannot be solved with this size. "
+                format!("{id} cannot be solved with this size. ")
             };
-            let note = format!("{solved}Choose a court, or enter the width and depth, under Marks.");
+            let note = format!(
+                "{solved}Choose a court, or enter the width and depth, in the panel \u{201c}Marks\u{201d}."
+            );
             session.note = Some(note);
         }
     }
@@ -358,15 +361,17 @@ impl Tool for Marking {
                     session.select_camera(camera);
                 }
                 let Some(at) = pointer.floor(session, 0.0) else {
-                    let is_solved =
-                        pointer.pixel().is_none_or(|(camera, _)| session.solved.pose(camera).is_some());
-                    let note = if is_solved {
-                        "This point is not on the floor. Click below the horizon."
-                    } else {
-                        "This camera is not calibrated. Draw lines in its image, or choose the rectangle and \
-                         click the corners."
+                    let camera = pointer.pixel().map(|(camera, _)| camera);
+                    let unsolved = camera.filter(|&camera| session.solved.pose(camera).is_none());
+                    let note = match unsolved.and_then(|camera| session.site.cameras.get(camera)) {
+                        None => "This point is not on the floor. Click below the horizon.".into(),
+                        Some(entry) => format!(
+                            "{} is not calibrated. Draw lines in its image, or choose the rectangle in the \
+                             panel \u{201c}Marks\u{201d} and click the four corners.",
+                            entry.id
+                        ),
                     };
-                    session.note = Some(note.into());
+                    session.note = Some(note);
                     return;
                 };
                 let kind = session.tool.mark_kind;

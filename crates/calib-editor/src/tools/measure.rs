@@ -304,8 +304,8 @@ impl Tool for Measure {
             (None, Some(_)) => "Enter the distance in the panel on the right, or measure again.".into(),
             (None, None) => match kind {
                 MeasurementKind::Length => format!(
-                    "Click two points {where_to} in the images to measure, or two points on the plan whose \
-                     distance you know."
+                    "Click two points {where_to} in the images, or two points on the plan whose distance \
+                     you know."
                 ),
                 MeasurementKind::Height => format!("Click the lower end {where_to}, then the upper end."),
                 MeasurementKind::Area => format!("Click the corners of the area {where_to} in the images."),
