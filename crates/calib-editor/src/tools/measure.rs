@@ -77,7 +77,8 @@ impl Measure {
             let refusal = pointer.newer.as_ref().and_then(|newer| refusal(newer.change));
             self.pressed = refusal.is_none().then(|| shown.clone());
             if let Some(refusal) = refusal {
-                session.note = Some(refusal.into());
+                let id = session.site.cameras.get(camera).map_or("", |entry| &entry.id);
+                session.note = Some(format!("{id}: {refusal}"));
                 return;
             }
         }
@@ -214,14 +215,20 @@ fn period_time(session: &Session, click: &RulerClick, time: &Option<String>) -> 
 const fn refusal(change: CameraChange) -> Option<&'static str> {
     match change {
         CameraChange::Unchanged => None,
-        CameraChange::Moved | CameraChange::Windowed => Some(
-            "The camera has moved since its calibration. Recover it before you measure in the newer image.",
+        CameraChange::Moved => Some(
+            "the camera has moved since its calibration. Recover it before you measure in the newer image.",
         ),
-        CameraChange::Shifted | CameraChange::DifferentView => {
-            Some("The newer image shows another view. Calibrate it as another camera to measure in it.")
+        CameraChange::Windowed => Some(
+            "zoom, crop or resolution have changed. Recover the camera before you measure in the newer image.",
+        ),
+        CameraChange::Shifted => {
+            Some("the camera is at another position. Calibrate it with the newer image to measure in it.")
+        }
+        CameraChange::DifferentView => {
+            Some("the newer image shows another view. Calibrate it as another camera to measure in it.")
         }
         CameraChange::TooDark | CameraChange::Blind | CameraChange::TooFewEdges => Some(
-            "It is unknown whether the camera has moved since its calibration. Measure in the calibrated image.",
+            "it is unknown whether the camera has moved since its calibration. Measure in the calibrated image.",
         ),
     }
 }
