@@ -1,8 +1,6 @@
 //! Tables of any size: all formats and column types, selection by camera and time, and complete output or
 //! none.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::Write as _;

@@ -1,7 +1,5 @@
 //! The command line: data on stdout, messages on stderr, exit codes.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use calib_core::{
     Annotation, BrownConrady, Camera, Covariance, Distortion, Kind, Lens, Pixel, UndistortedPixel, WorldPoint,
 };

@@ -5,8 +5,6 @@
 //! the images ([`CHOSEN`]); the assertions use the other half. `cargo xtask accuracy --compare` prints the
 //! table.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use std::collections::BTreeMap;
 use std::path::Path;
 

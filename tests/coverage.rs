@@ -1,7 +1,5 @@
 //! `calib coverage` on the demonstration, compared with projected sticks and sampled lines of sight.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use calib_core::camera::{Camera, FloorPoint, WorldPoint};
 use calib_core::floor::{Extent, Wall};
 use calib_site::{Area, Site, SiteCamera, SiteSolution, Stage, WallEntry};

@@ -1,7 +1,5 @@
 //! The demonstration site: its files, solution, images and errors.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use calib_core::{Camera, Code, Covariance};
 
 use calib_site::{Options, Site, Stage};

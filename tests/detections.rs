@@ -1,7 +1,5 @@
 //! Tables of detections: no column is lost or changed silently, and every floor point has an uncertainty.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use std::collections::HashMap;
 use std::process::Command;
 

@@ -1,7 +1,5 @@
 //! The SQL view in `DuckDB` maps an archive like `calib project`.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use std::fs::File;
 use std::process::Command;
 use std::sync::Arc;

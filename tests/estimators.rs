@@ -1,8 +1,6 @@
 //! The estimators on random rooms: exact scenes, the Cramér-Rao bound, wrong lines, degenerate
 //! configurations.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use calib_core::{
     Annotation, Camera, Code, Constraints, Fit, FitOptions, Kind, Lens, Pixel, Priors, SceneErrors,
     WorldPoint,

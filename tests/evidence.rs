@@ -1,7 +1,5 @@
 //! Lines that determine only lengths on the floor, a length in feet entered as metres, and a site in feet.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use calib_core::{Camera, Lens, Pixel, WorldPoint};
 use calib_tests::Scratch;
 use serde_json::{Value, json};

@@ -1,7 +1,6 @@
 //! Hostile and damaged files: refusals take little memory and time, and existing files are kept.
 
 #![cfg(unix)]
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
 use std::io::{Read as _, Write as _};
 use std::os::unix::fs::PermissionsExt as _;

@@ -1,8 +1,6 @@
 //! Fisheye lenses with up to 190° field of view: poses and lenses from simulated annotations, against the
 //! truth.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use std::process::Command;
 
 use calib_core::{

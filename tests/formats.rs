@@ -1,7 +1,5 @@
 //! Formats of other programs: an exported camera projects points as before, and its import restores the camera.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use calib_core::{BrownConrady, Camera, Covariance, Distortion, Extent, Lens, Pixel, WorldPoint};
 
 use calib_formats::{Export, ExportOptions, FORMATS, File, Format, PlaneTreatment, export, format, import};

@@ -1,7 +1,5 @@
 //! The quality gate: random lines do not pass it, and unknown uncertainties are not treated as zero.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use calib_core::{Annotation, Code, Kind, Pixel};
 
 use calib_core::single::Known;

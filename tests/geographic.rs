@@ -1,8 +1,6 @@
 //! Control points in latitude and longitude or in a grid: solved sites, the georeference that follows, maps as
 //! plans, agreement with PROJ, and refusals.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use calib_core::floor::{Geographic, TangentPlane};
 use calib_core::outcome::{Code, Finding};
 use calib_core::{Camera, WorldPoint};

@@ -1,7 +1,5 @@
 //! Joint refinement of random sites, compared with the truth.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use calib_core::{
     Annotation, BrownConrady, Camera, Code, Covariance, Distortion, DistortionModel, FloorPoint, Kind, Lens,
     MarkKind, MarkShape, Pixel, UndistortedPixel, WorldPoint,

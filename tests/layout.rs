@@ -1,7 +1,5 @@
 //! The structure of the source: order of modules, sizes of files and functions, and forbidden dependencies.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use std::path::{Path, PathBuf};
 
 use calib_tests::root;

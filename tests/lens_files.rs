@@ -1,7 +1,5 @@
 //! Layouts in which programs write the same lens: every one is read as the same camera, or refused.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use calib_core::{Distortion, UndistortedPixel};
 use calib_formats::{File, ImportOptions, Imported, format, import, import_with};
 use calib_site::SiteCamera;

@@ -1,7 +1,5 @@
 //! Distortion from polylines: a real lens with chessboard images, and synthetic edges.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use calib_core::{
     Annotation, BrownConrady, Camera, Code, Covariance, Distortion, DistortionModel, FittedCoefficients,
     Kind, Lens, LensFit, LensOptions, Pixel, UndistortedPixel, WorldPoint,

@@ -1,7 +1,5 @@
 //! The notices of the programs name all linked crates.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
 use std::collections::BTreeSet;
 use std::process::Command;
 

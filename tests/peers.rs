@@ -1,7 +1,5 @@
 //! Agreement with other implementations: the reference camera model, and the paper's criterion in SciPy.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use std::io::Write as _;
 use std::process::{Command, Stdio};
 

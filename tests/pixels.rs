@@ -1,8 +1,6 @@
 //! Images whose pixels are not square: with the pixel aspect they calibrate like square ones, and without it the
 //! image size is reported.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use calib_core::camera::{Camera, Covariance, Distortion, Lens, Pixel, WorldPoint};
 use calib_core::outcome::Code;
 use calib_core::single::{Annotation, Prior};

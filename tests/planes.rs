@@ -1,7 +1,5 @@
 //! Planes other than the floor: annotations on them, links on them, and their estimated height and tilt.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use calib_core::{Annotation, Camera, Covariance, FloorPoint, Kind, Lens, Pixel, Plane, WorldPoint};
 
 use calib_core::single::Known;

@@ -1,7 +1,5 @@
 //! Floor plans that are drawings, on the command line.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use calib_tests::Scratch;
 use serde_json::{Value, json};
 

@@ -2,8 +2,6 @@
 //! mean square error of the position divided by the bound (Cramér-Rao), the coverage of the 95 % intervals, and the
 //! share of solved cameras.
 
-#![allow(clippy::unwrap_used, reason = "a failed step fails the test")]
-
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::process::{Command, Stdio};

@@ -1,8 +1,6 @@
 //! Cameras calibrated without lines, by control points or by the points of a mark: accuracy, wrong points, and
 //! findings.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
 use calib_core::camera::{BrownConrady, Camera, Covariance, Distortion, Lens, Pixel, WorldPoint};
 use calib_core::outcome::{Code, FailureCode};
 use calib_core::single::Known;

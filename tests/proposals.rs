@@ -3,8 +3,6 @@
 //! The constants of the method were chosen on the rooms of even index; the assertions use the rooms of odd
 //! index. `cargo xtask accuracy --proposals` prints the table.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use std::collections::BTreeMap;
 use std::io::Read as _;
 

@@ -5,8 +5,6 @@
 //! more than 28 words. A hit is not always wrong, therefore comments have a small budget. Strings that users
 //! read have none.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

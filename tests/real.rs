@@ -1,7 +1,5 @@
 //! Real cameras: three surveillance views of one shelter with hand-drawn lines and known control points.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use std::collections::BTreeMap;
 
 use calib_core::{

@@ -1,7 +1,5 @@
 //! Cameras registered to each other by the colours of their images, on the demonstration.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use calib_core::{Camera, WorldPoint};
 use calib_image::{PairDecision, SiteColours, SiteRegistration, View, join, register_pair};
 use image::RgbImage;

@@ -1,8 +1,6 @@
 //! Reliability of annotations and links: redundancy numbers, and pairs of cameras in which a wrong link cannot be
 //! detected.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use calib_core::{Code, ResidualOf};
 use calib_demo::layout::Layout;
 use calib_demo::random::{AnnotationSet, RandomScene, SIZE};

@@ -1,8 +1,6 @@
 //! Scenes with errors: sloping floors, corners that are not square, directions that are not level. The
 //! intervals cover the truth, and the errors reach the bound.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use calib_core::{
     Annotation, Camera, Constraints, Covariance, Fit, FitOptions, Kind, Lens, Pixel, SceneErrors, WorldPoint,
 };

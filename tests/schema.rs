@@ -1,7 +1,5 @@
 //! The JSON Schema and the reader accept the same site files.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use calib_site::Site;
 use serde_json::{Value, json};
 

@@ -1,7 +1,5 @@
 //! `calib still`: frames of a video, and snapshots from a simulated camera, a small server in this program.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::net::{TcpListener, TcpStream};
 use std::sync::mpsc::{Receiver, channel};

@@ -1,7 +1,5 @@
 //! The tracker of the examples, tested with people walking through the demonstration site.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 #[expect(dead_code, reason = "the example's own main and reading of files run as a program below")]
 #[path = "../crates/calib-site/examples/fuse_tracks.rs"]
 mod fuse_tracks;

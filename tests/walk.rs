@@ -1,8 +1,6 @@
 //! `calib walk`: a walker seen by several cameras reveals cameras with errors beyond their claimed
 //! uncertainty.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use std::fmt::Write as _;
 
 use calib_core::{Camera, Covariance};

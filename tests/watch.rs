@@ -1,7 +1,5 @@
 //! `calib watch`: detects cameras that moved from the people in view, without false alarms for the others.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use std::fmt::Write as _;
 
 use calib_core::Camera;

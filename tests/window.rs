@@ -1,7 +1,5 @@
 //! Images that show a part of the calibrated image: digital zooms, crops and substreams.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use calib_core::camera::{Pixel, RotationZoom};
 use calib_image::{CameraChange, Comparison, recover};
 use calib_site::{NewImage, Options, Site};

@@ -1,7 +1,5 @@
 //! Views from a fisheye image: images that a tracker can use like pinhole images.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use calib_core::{Camera, Pixel, WorldPoint};
 
 use calib_site::{Options, Site};

@@ -1,7 +1,5 @@
 //! Outliers in large sites: wrong links and wrong lines are rejected, few or many, with little extra time.
 
-#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
-
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 

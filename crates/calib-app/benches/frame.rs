@@ -2,7 +2,8 @@
 //! solve times while a line is dragged. Prints a JSON object for `cargo xtask bench`.
 #![allow(clippy::unwrap_used, reason = "a measurement that cannot be made fails")]
 
-#[path = "../tests/desk/mod.rs"]
+#[path = "../tests/app/desk/mod.rs"]
+#[allow(dead_code, reason = "the benchmark uses a part of it")]
 mod desk;
 
 use std::io::Write as _;

@@ -1,17 +1,14 @@
 //! Joint refinement and the status of each camera in the window.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-mod desk;
-
 use calib_app::App;
 use calib_app::storage::files::Images;
 use calib_core::{Kind, Pixel};
 use calib_editor::{Action, Pane, PlanHandle, TOOLS, plan_handles};
 use calib_site::{Site, Stage};
-use desk::{Desk, demo};
 use egui::{Context, Event, Key, Modifiers, PointerButton, Vec2};
 use egui_kittest::kittest::Queryable as _;
+
+use crate::desk::{Desk, demo};
 
 fn stage(desk: &Desk, camera: usize) -> Stage {
     desk.harness.state().editor.session().solved.solution(camera).unwrap().stage

@@ -1,15 +1,12 @@
 //! The tour, followed with the pointer only: press the named buttons and draw the named lines.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-mod desk;
-
 use calib_app::command::Command;
 use calib_core::{Camera, Kind, Pixel, WorldPoint};
 use calib_editor::{Pane, PlanHandle, plan_handles};
-use desk::Desk;
 use egui::{Event, Key, Modifiers, Pos2};
 use egui_kittest::kittest::Queryable as _;
+
+use crate::desk::Desk;
 
 /// A new user, who sees edges and tiles only in the image of the first camera.
 struct Newcomer {

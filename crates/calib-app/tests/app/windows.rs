@@ -1,16 +1,13 @@
 //! Windows of every size: the image keeps its space, the next click is always described, and the focus is
 //! visible.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-mod desk;
-
 use calib_app::state::Place;
 use calib_editor::Pane;
-use desk::{Desk, demo};
 use egui::accesskit::{Live, Toggled};
 use egui::{Event, Key, Modifiers, PointerButton, TouchDeviceId, TouchId, TouchPhase, Vec2};
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
+
+use crate::desk::{Desk, demo};
 
 #[test]
 fn panels_collapse_by_the_current_window_width() {

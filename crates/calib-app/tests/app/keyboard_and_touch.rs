@@ -1,15 +1,13 @@
 //! Keyboard focus, requested fields, and drags of line ends by pointer and touch.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-mod desk;
-
 use calib_app::state::Place;
 use calib_core::{Kind, Pixel};
 use calib_editor::Pane;
-use desk::{Desk, demo, last_vertical, with_edge};
 use egui::{Event, Key, Modifiers, PointerButton, Pos2, TouchDeviceId, TouchId, TouchPhase, Vec2};
 use egui_kittest::kittest::Queryable as _;
+
+use crate::desk;
+use crate::desk::{Desk, demo, last_vertical, with_edge};
 
 /// Returns the demonstration site with an empty list of annotations in its first camera.
 fn without_lines() -> calib_site::Site {

@@ -1,5 +1,4 @@
 //! Simulated operator: pointer and keys on the app, and the resulting site.
-#![allow(dead_code, reason = "every test target uses a part of it")]
 
 use std::path::PathBuf;
 

@@ -1,9 +1,5 @@
 //! Complete tasks by pointer and keys: calibration, placement, marks, and 1,000 random gestures.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-mod desk;
-
 use calib_app::state::Place;
 use calib_core::single::Shape;
 use calib_core::{FloorPoint, Kind, MarkKind, Pixel, WorldPoint};
@@ -11,9 +7,10 @@ use calib_editor::command::Gesture;
 use calib_editor::{Action, Pane, Part, TOOLS, plan_scale};
 use calib_site::{Mark, Options, Site, Stage};
 use calib_tests::Scratch;
-use desk::{Desk, demo};
 use egui::{Key, Modifiers, Pos2};
 use egui_kittest::kittest::Queryable as _;
+
+use crate::desk::{Desk, demo};
 
 /// Returns the demonstration site without annotations.
 fn blank() -> Site {

@@ -1,18 +1,15 @@
 //! Every tool draws, edits, deletes, undoes and redoes; every command runs.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-mod desk;
-
 use calib_app::command::{self, Command};
 use calib_app::state::Mode;
 use calib_core::single::Shape;
 use calib_core::{Kind, Pixel};
 use calib_editor::{Action, Pane, Part, TOOLS};
 use calib_site::Site;
-use desk::{Desk, demo};
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::Queryable as _;
+
+use crate::desk::{Desk, demo};
 
 /// Draws with a tool as an operator would.
 fn draw(desk: &mut Desk, tool: usize) {

@@ -1,16 +1,14 @@
 //! Nothing is lost: a gesture in progress, a replaced site with unsaved work, and results while solving is
 //! paused.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-mod desk;
-
 use calib_app::command::Command;
 use calib_editor::{Action, Pane};
 use calib_tests::Scratch;
-use desk::{Desk, demo, still};
 use egui::{Event, Key, Modifiers, PointerButton};
 use egui_kittest::kittest::Queryable as _;
+
+use crate::desk;
+use crate::desk::{Desk, demo, still};
 
 #[test]
 fn new_sites_wait_until_the_gesture_ends() {

@@ -1,7 +1,5 @@
 //! The program without a window: its help, and the message that a display is required.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
 use std::process::{Command, Output};
 
 /// Runs the program in a session without a display.

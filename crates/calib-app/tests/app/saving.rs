@@ -1,9 +1,5 @@
 //! Saving: a file changed by another program is not overwritten without asking.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-mod desk;
-
 use calib_app::choice::Purpose;
 use calib_app::state::{PathField, Why};
 use calib_app::storage::dialog::Dialog;
@@ -11,9 +7,10 @@ use calib_app::storage::files;
 use calib_core::Pixel;
 use calib_site::Site;
 use calib_tests::Scratch;
-use desk::{Desk, demo};
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::Queryable as _;
+
+use crate::desk::{Desk, demo};
 
 /// Opens a window with the site of a file.
 fn window(scratch: &Scratch) -> Desk {

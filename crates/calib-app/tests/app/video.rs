@@ -1,22 +1,19 @@
 //! Images from videos: one frame, or the scene without the objects that move.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-mod desk;
-
 use calib_site::Site;
 use calib_tests::Scratch;
-use desk::Desk;
 use egui::Key;
 use egui_kittest::kittest::Queryable as _;
+
+use crate::desk::Desk;
 
 /// Clips of 12 frames, four a second: a square of 16 pixels moves over a background of the brightness
 /// `40 + x + y / 2`.
 const CLIPS: [(&str, &[u8]); 4] = [
-    ("h264.mp4", include_bytes!("../../calib-video/tests/clips/h264.mp4")),
-    ("h265.mp4", include_bytes!("../../calib-video/tests/clips/h265.mp4")),
-    ("h264.mkv", include_bytes!("../../calib-video/tests/clips/h264.mkv")),
-    ("mjpeg.avi", include_bytes!("../../calib-video/tests/clips/mjpeg.avi")),
+    ("h264.mp4", include_bytes!("../../../calib-video/tests/clips/h264.mp4")),
+    ("h265.mp4", include_bytes!("../../../calib-video/tests/clips/h265.mp4")),
+    ("h264.mkv", include_bytes!("../../../calib-video/tests/clips/h264.mkv")),
+    ("mjpeg.avi", include_bytes!("../../../calib-video/tests/clips/mjpeg.avi")),
 ];
 
 /// Opens files of a folder as dropped files.
@@ -167,7 +164,7 @@ fn a_lens_is_imported_after_the_image_of_the_video() {
 #[test]
 fn pixels_that_are_not_square_are_entered() {
     let (_scratch, mut desk) =
-        open_video("wide.mp4", include_bytes!("../../calib-video/tests/clips/anamorphic.mp4"));
+        open_video("wide.mp4", include_bytes!("../../../calib-video/tests/clips/anamorphic.mp4"));
     use_image(&mut desk, 1);
     let lens = desk.site().cameras[0].lens.clone().unwrap();
     let Some(calib_site::PixelAspectEntry::Known(aspect)) = lens.pixel_aspect else { panic!("{lens:?}") };

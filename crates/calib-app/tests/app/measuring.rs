@@ -1,9 +1,5 @@
 //! Measurements in the images: lengths, heights, areas and speeds.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-mod desk;
-
 use std::path::{Path, PathBuf};
 
 use calib_app::state::Showing;
@@ -12,10 +8,11 @@ use calib_editor::{Action, Pane, RulerSettings};
 use calib_image::CameraChange;
 use calib_site::{MeasurementKind, Site, SiteCamera};
 use calib_tests::Scratch;
-use desk::{Desk, demo};
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::Queryable as _;
 use image::ImageEncoder as _;
+
+use crate::desk::{Desk, demo};
 
 /// Canvas of the first camera.
 const IMAGE: Pane = Pane::Image(0);

@@ -1,9 +1,5 @@
 //! Images outside the site's folder are read only after the operator allows it.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-mod desk;
-
 use calib_app::App;
 use calib_app::command::Command;
 use calib_app::storage::files;
@@ -12,10 +8,12 @@ use calib_core::Pixel;
 use calib_editor::Pane;
 use calib_site::{Plan, Site, SiteCamera};
 use calib_tests::Scratch;
-use desk::{Desk, still};
 use egui::{Context, Key};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
+
+use crate::desk;
+use crate::desk::{Desk, still};
 
 const SIZE: [u32; 2] = [320, 180];
 const OUTSIDE: [&str; 3] = ["private.png", "linked.png", "plan.png"];

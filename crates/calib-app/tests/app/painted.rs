@@ -1,18 +1,15 @@
 //! Painted text and shapes without accessibility nodes: tags, focus rings, numbers next to views.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-mod desk;
-
 use calib_app::command::Command;
 use calib_app::state::{App, Mode, Place};
 use calib_app::theme;
 use calib_core::{Kind, Pixel};
 use calib_editor::{Pane, PlanHandle, plan_handles};
 use calib_site::{Link, LinkObservation, Mark, Site};
-use desk::{Desk, demo};
 use egui::{Key, Modifiers, Pos2, Rect, Shape, Vec2};
 use egui_kittest::kittest::Queryable as _;
+
+use crate::desk::{Desk, demo};
 
 /// Returns every text on the screen with its position.
 fn texts(desk: &Desk) -> Vec<(String, Pos2)> {

@@ -1,17 +1,14 @@
 //! Planes other than the floor in the app: add, rename, set the height, draw a region, assign lines.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-mod desk;
-
 use calib_core::Kind;
 
 use calib_editor::planes::PlaneAction;
 use calib_editor::{Action, Pane, Part};
 use calib_site::PlaneNumber;
-use desk::{Desk, demo};
 use egui::Key;
 use egui_kittest::kittest::Queryable as _;
+
+use crate::desk::{Desk, demo};
 
 /// Clicks a label through accessibility, because it may be below the visible part of the window.
 fn click(desk: &mut Desk, label: &str) {

@@ -1,9 +1,5 @@
 //! Views, units, and the import and export of files.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-mod desk;
-
 use calib_app::choice::{Chosen, Purpose};
 use calib_app::command::{self, Command};
 use calib_app::state::Place;
@@ -13,9 +9,11 @@ use calib_core::{Annotation, Kind, Pixel, WorldPoint};
 use calib_editor::{Action, Pane, Part, PlanHandle, TOOLS, Units, plan_handles};
 use calib_site::Site;
 use calib_tests::Scratch;
-use desk::{Desk, demo, last_vertical, still, with_edge};
 use egui::{Event, Key, Modifiers, Pos2, Vec2};
 use egui_kittest::kittest::Queryable as _;
+
+use crate::desk;
+use crate::desk::{Desk, demo, last_vertical, still, with_edge};
 
 /// Returns all text on screen.
 fn words(desk: &Desk) -> String {

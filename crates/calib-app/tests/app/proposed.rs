@@ -1,18 +1,15 @@
 //! Automatic calibration: one key detects the lines of an image, another accepts them. Strokes and clicks are
 //! counted on the demonstration.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-mod desk;
-
 use calib_app::storage::demo;
 use calib_core::{Annotation, Camera, Kind, Orientation};
 use calib_editor::{Action, AutomaticResult, Hypothesis, Images, Pane, Period};
 use calib_image::{AutomaticCalibration, Bars, Confidence, EdgeClass, EdgeImage, ImageEdges, LineSegment};
 use calib_site::{Options, PrincipalPointEntry, Site, SiteCamera, Solution};
-use desk::Desk;
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::Queryable as _;
+
+use crate::desk::Desk;
 
 /// Returns the demonstration site and its images without annotations, control points, links, marks, distances,
 /// placements and lenses. Only the principal points are known.

@@ -1,16 +1,13 @@
 //! Uncertainties are correct: only drawn annotations and measured lengths enter the solution.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-mod desk;
-
 use calib_app::storage::files::Images;
 use calib_core::Kind;
 use calib_editor::Pane;
 use calib_site::Site;
-use desk::{Desk, demo};
 use egui::{Event, Key, Role};
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
+
+use crate::desk::{Desk, demo};
 
 /// Returns the first camera of the demonstration with only its verticals, so that floor lines would help.
 fn verticals_alone() -> Site {

@@ -1,8 +1,5 @@
 //! Tests of the autosave: after the program is killed or closed, every finished gesture can be recovered.
 #![cfg(unix)]
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-mod desk;
 
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::Path;
@@ -14,6 +11,8 @@ use calib_app::storage::files::Images;
 use calib_core::Pixel;
 use calib_editor::{Action, Part};
 use egui::{Context, Key, Modifiers};
+
+use crate::desk;
 
 const FOLDER: &str = "CALIB_CRASH_FOLDER";
 
@@ -57,7 +56,11 @@ fn kill_loses_nothing_older_than_the_last_finished_gesture() {
     for kill in 0..kills {
         let folder = tempfile::tempdir().unwrap();
         let mut child = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "kill_loses_nothing_older_than_the_last_finished_gesture", "--nocapture"])
+            .args([
+                "--exact",
+                "crash::kill_loses_nothing_older_than_the_last_finished_gesture",
+                "--nocapture",
+            ])
             .env(FOLDER, folder.path())
             .stdout(Stdio::piped())
             .stderr(Stdio::null())

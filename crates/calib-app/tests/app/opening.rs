@@ -1,9 +1,5 @@
 //! One command opens files of every kind: their content decides.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-mod desk;
-
 use std::io::Cursor;
 
 use calib_app::choice::{Chosen, Purpose};
@@ -11,9 +7,10 @@ use calib_app::command::Command;
 use calib_editor::Pane;
 use calib_site::Site;
 use calib_tests::Scratch;
-use desk::{Desk, demo, still};
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::Queryable as _;
+
+use crate::desk::{Desk, demo, still};
 
 /// Opens files of a folder as dropped files, and waits until they are read.
 fn open(desk: &mut Desk, scratch: &Scratch, names: &[&str]) {

@@ -1,9 +1,5 @@
 //! A newer image of a camera: compared, inspected, and used to recover the camera with one key.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-mod desk;
-
 use std::path::PathBuf;
 
 use calib_app::choice::Chosen;
@@ -14,9 +10,11 @@ use calib_editor::{Action, Images, NewerAction, Pane};
 use calib_image::CameraChange;
 use calib_site::{Method, Options, Site, SiteCamera};
 use calib_tests::Scratch;
-use desk::Desk;
 use egui::{Context, Key, Modifiers};
 use egui_kittest::kittest::Queryable as _;
+
+use crate::desk;
+use crate::desk::Desk;
 
 /// Returns an annotated camera of the demonstration and its true parameters.
 fn store() -> (SiteCamera, Camera) {
