@@ -41,7 +41,10 @@ pub(crate) fn plan_from_drawing(drawing: &DrawingFacts) -> Option<(Plan, String)
     let source = match drawing.scale_source? {
         ScaleSource::Unit => "Scale read from the unit of the drawing.".into(),
         ScaleSource::Text(ratio) => {
-            format!("Scale 1:{ratio} read from the text of the page. Check it with a known distance (A).")
+            format!(
+                "Scale 1:{ratio} read from the text of the page. Check it with the Measure tool (A) and a \
+                 known distance."
+            )
         }
     };
     let plan = Plan {
@@ -68,7 +71,12 @@ pub(crate) fn plan_on_map(
         MapSystem::Projected(code) => {
             let name = format!("EPSG:{code}");
             let system = CoordinateSystem::new(&name);
-            Some(system.map_err(|error| format!("Grid {name} of the image: expected {error}."))?)
+            Some(system.map_err(|error| {
+                format!(
+                    "The georeference of the image was not read because its grid {name} is not supported. \
+                     Expected {error}."
+                )
+            })?)
         }
         MapSystem::Unknown => match site.coordinate_system() {
             Some(system) => Some(system),

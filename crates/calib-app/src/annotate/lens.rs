@@ -210,7 +210,7 @@ fn coefficients(app: &mut App, ui: &mut Ui) {
         }
         if let Some(focal) = &mut entry.focal_px {
             let label = ui.label(RichText::new("at focal length").color(palette.text2));
-            let field = DragValue::new(focal).speed(1.0).range(1.0..=1e6).max_decimals(2);
+            let field = DragValue::new(focal).speed(1.0).range(1.0..=1e6).max_decimals(2).suffix(" px");
             changed |= ui.add(field.update_while_editing(false)).labelled_by(label.id).changed();
         }
     });

@@ -158,7 +158,7 @@ pub(crate) fn links_ui(app: &mut App, ui: &mut Ui) {
     heading(ui, "Links", "residual in px per camera; gap on the floor");
     if app.editor.session().site.links.is_empty() {
         let text = if keys::are_shown(ui.ctx()) {
-            "Press K to link a point that two views show."
+            "Press K, then click a point that is visible in two views."
         } else {
             "Choose the Link tool, then click a point that is visible in two views."
         };
@@ -281,7 +281,8 @@ fn joint_residual(app: &App, ui: &mut Ui, link: usize, camera: &str) {
         site.links.get(link).and_then(|link| link.seen.iter().find(|seen| seen.camera == camera)?.sigma_px);
     let of_camera = site.camera(camera).and_then(|camera| camera.sigma_px).unwrap_or(1.0);
     let drawn = own.map_or(String::new(), |sigma| {
-        let advice = if sigma > of_camera { ". Zoom in and drag the point to improve it" } else { "" };
+        let advice =
+            if sigma > of_camera { ". Zoom in and drag the point to improve the accuracy" } else { "" };
         format!("Click accuracy \u{b1} {} px{advice}", (100.0 * sigma).round() / 100.0)
     });
     let found = app.editor.session().solved.joint_link(site, link);
@@ -323,7 +324,7 @@ fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
         LinkKind::Line
             if ui
                 .button("Change to a post")
-                .on_hover_text("The first end becomes the foot, the other end the head")
+                .on_hover_text("The first end becomes the foot, and the other end becomes the head")
                 .clicked() =>
         {
             new.kind = LinkKind::Post;
@@ -334,7 +335,7 @@ fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
         }
         LinkKind::Post => {
             post_fields(app, ui, link, &mut new);
-            let tip = "The line lies on the floor; its ends need not be the same in every view";
+            let tip = "The line lies on the floor. Its ends need not be the same in every view";
             if ui.button("Change to a floor line").on_hover_text(tip).clicked() {
                 (new.kind, new.length_m) = (LinkKind::Line, None);
                 for seen in &mut new.seen {

@@ -117,7 +117,9 @@ fn duration_ui(app: &mut App, ui: &mut Ui, index: usize, measurement: &Measureme
                 let name = "enter the time between two points".into();
                 app.send(Action::Change { site: Box::new(site), name });
             }
-            _ => app.send(Action::Note("Enter a number of seconds above 0, such as 0.48.".into())),
+            _ => app.send(Action::Note(
+                "The time is invalid. Enter a number of seconds above 0, such as 0.48.".into(),
+            )),
         }
     });
 }

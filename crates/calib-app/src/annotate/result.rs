@@ -304,7 +304,8 @@ fn row(
         cells(ui, title, &number(value, shown), sigma.map(|s| number(s, shown)), unit);
         let title = which.noun();
         let tip = match known {
-            None => format!("Fix the {title} at {}", number(value, shown)),
+            None if unit == "\u{b0}" => format!("Fix the {title} at {}{unit}", number(value, shown)),
+            None => format!("Fix the {title} at {} {unit}", number(value, shown)),
             Some(_) => format!("Estimate the {title} from the lines"),
         };
         if lock(ui, title, known.map(|known| known.fixed), &tip) {

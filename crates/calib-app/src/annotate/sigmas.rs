@@ -126,8 +126,8 @@ pub(crate) fn fields(ui: &mut Ui, drawn: &Annotation, usual: Usual) -> Option<An
         click.show(ui, &mut annotation.sigma_px);
         if has_angle && !annotation.exact {
             let angle = usual.scene.angle.to_degrees();
-            let tip = "Standard deviation of the angle. For the slope against the floor, a quarter of this \
-                       value is used";
+            let tip = "Standard deviation of the angle. A quarter of this value is used for the slope \
+                       relative to the floor";
             Field { tip, unit: "\u{b0}", usual: angle, scale: 1.0 }.show(ui, &mut annotation.angle_sigma_deg);
         }
         if constraint == ConstraintKind::Length && !annotation.exact {

@@ -298,9 +298,10 @@ impl Shelf for Database {
                     drop(state);
                     own.add_message(News::Opened(Box::new(found)));
                 }
-                Err(error) => {
-                    own.add_message(News::Trouble(format!("The stored site cannot be opened ({error}). Reload the page, or open a saved file of the site.")))
-                }
+                Err(error) => own.add_message(News::Trouble(format!(
+                    "The stored site cannot be opened ({error}). Reload the page, or open the site from a \
+                     saved file."
+                ))),
             }
         });
     }

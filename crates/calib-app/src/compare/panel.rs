@@ -113,7 +113,7 @@ pub(crate) fn compare_ui(app: &mut App, ui: &mut Ui) {
             // The newer image must not change during the recovery.
             let waits = "The recovery uses this image. Cancel the recovery first.";
             let button = egui::Button::new("Discard");
-            let tip = "Remove the newer image; the calibration stays";
+            let tip = "Remove the newer image and keep the calibration";
             if ui.add_enabled(!is_held, button).on_hover_text(tip).on_disabled_hover_text(waits).clicked() {
                 app.send_command(Command::DismissNewer);
             }
@@ -127,7 +127,7 @@ pub(crate) fn verdict(became: CameraChange, palette: &Palette) -> (&'static str,
         CameraChange::Unchanged => ("Unchanged", Icon::Check, palette.ok, palette.raised),
         CameraChange::Moved => ("Moved", Icon::Warn, palette.bad, palette.bad_bg),
         CameraChange::Windowed => ("Zoomed or cropped", Icon::Warn, palette.bad, palette.bad_bg),
-        CameraChange::Shifted => ("Image shifted", Icon::Warn, palette.bad, palette.bad_bg),
+        CameraChange::Shifted => ("Position changed", Icon::Warn, palette.bad, palette.bad_bg),
         CameraChange::DifferentView => ("Replaced or covered", Icon::Warn, palette.bad, palette.bad_bg),
         CameraChange::TooDark => ("Unclear: too dark", Icon::Warn, palette.warn, palette.warn_bg),
         CameraChange::Blind => ("Unclear: no edges", Icon::Warn, palette.warn, palette.warn_bg),
@@ -179,8 +179,8 @@ fn numbers(newer: &NewerImage) -> Vec<String> {
     let (zoom, zoom_sigma) = found.zoom();
     if let Some(window) = found.window {
         let [left, top, width, height] = window.px();
-        let agreeing = format!("{:.0} % of the image agrees", 100.0 * found.found_fraction);
-        let part = format!("part of the old image: {left:.0}, {top:.0}, {width:.0} \u{d7} {height:.0} px");
+        let agreeing = format!("{:.0} % of the image matches", 100.0 * found.found_fraction);
+        let part = format!("part of the old image: {width:.0} \u{d7} {height:.0} px at {left:.0}, {top:.0}");
         return vec![part, format!("zoom {zoom:.3}"), agreeing];
     }
     let (angle, angle_sigma) = found.angle(&newer.pose);
@@ -189,12 +189,12 @@ fn numbers(newer: &NewerImage) -> Vec<String> {
         let (value, sigma) = by_axis[index];
         let sign = if value < 0.0 { "\u{2212}" } else { "+" };
         let [size, sigma] = degrees(value.abs(), sigma);
-        format!("{name} {sign}{size}\u{b0} \u{b1} {sigma}")
+        format!("{name} {sign}{size}\u{b0} \u{b1} {sigma}\u{b0}")
     };
     let [turned, turned_sigma] = degrees(angle, angle_sigma);
     let [zoom, zoom_sigma] = [zoom, zoom_sigma].map(|value| number(value, decimals(zoom_sigma)));
     vec![
-        format!("rotated {turned}\u{b0} \u{b1} {turned_sigma}"),
+        format!("rotated {turned}\u{b0} \u{b1} {turned_sigma}\u{b0}"),
         format!("zoom {zoom} \u{b1} {zoom_sigma}"),
         axis("yaw", 0),
         axis("pitch", 1),

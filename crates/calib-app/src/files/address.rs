@@ -51,7 +51,7 @@ fn sheet_ui(sheet: &mut AddressSheet, app: &App, ui: &mut Ui) -> bool {
     let is_waiting = sheet.request.is_some();
     ui.add_enabled_ui(!is_waiting, |ui| {
         let hints =
-            ["http://192.168.1.10/snapshot.jpg, or rtsp://\u{2026}", "", "", "the host of the address"];
+            ["http://192.168.1.10/snapshot.jpg, or rtsp://\u{2026}", "", "", "default: host of the address"];
         Grid::new("address").num_columns(2).spacing([12.0, 6.0]).show(ui, |ui| {
             let texts = [&mut sheet.address, &mut sheet.user, &mut sheet.password, &mut sheet.camera];
             for ((name, text), hint) in FIELDS.into_iter().zip(texts).zip(hints) {
@@ -71,7 +71,7 @@ fn sheet_ui(sheet: &mut AddressSheet, app: &App, ui: &mut Ui) -> bool {
         Some(_) => "The image is saved in the folder of the site.",
         None => "The image is kept in the site.",
     };
-    let text = format!("Name and password are sent only to this host and are not saved. {saved}");
+    let text = format!("The user name and password are sent only to this host and are not saved. {saved}");
     ui.label(RichText::new(text).small().color(palette.text2));
     if let Some(error) = &sheet.error {
         ScrollArea::vertical().max_height(120.0).show(ui, |ui| {

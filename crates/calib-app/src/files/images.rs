@@ -173,8 +173,8 @@ impl App {
         const NEGLIGIBLE: f64 = 1e-3;
         if !ACCEPTED.contains(&pixel_aspect) {
             let text = format!(
-                "The pixel aspect {pixel_aspect:.4} of the video is implausible and was ignored. \
-                 Enter it in Known values."
+                "The pixel aspect {pixel_aspect:.4} of {title} is implausible and was ignored. \
+                 Enter the correct pixel aspect in Known values."
             );
             self.act(Action::Note(text));
         }
@@ -363,7 +363,7 @@ impl App {
             let images = self.editor.session().images.clone();
             self.open_site(site, images, None);
             let notes = if notes.is_empty() { String::new() } else { format!(": {}", notes.join("; ")) };
-            self.act(Action::Note(format!("Read as {}{notes}.", format.name)));
+            self.act(Action::Note(format!("Read {name} as {}{notes}.", format.name)));
             return;
         }
         self.act(Action::Import(Box::new(site), notes));

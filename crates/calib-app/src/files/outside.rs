@@ -34,8 +34,8 @@ impl App {
     pub(crate) fn settle_outside(&mut self, allows: bool) {
         let asked = std::mem::take(&mut self.dialogs.outside.asked);
         if !allows {
-            let note = "The images were not read. Use \u{201c}Reload images and detect edges again\u{201d} \
-                        to be asked again.";
+            let note = "Images outside the site's folder were not read. To be asked again, use \
+                        \u{201c}Reload images and detect edges again\u{201d}.";
             self.act(Action::Note(note.into()));
             self.dialogs.outside.left.extend(asked);
             return;
@@ -117,8 +117,14 @@ fn outside_ui(app: &mut App, ui: &mut Ui) {
         ui.label(format!("and {} more", files.len() - MAX_LISTED));
     }
     let why = match files.len() {
-        1 => "The author of the site chose this file. It will be shown here and included in reports.",
-        _ => "The author of the site chose these files. They will be shown here and included in reports.",
+        1 => {
+            "The author of the site chose this file. If you choose Read now, it is shown here and included \
+             in reports."
+        }
+        _ => {
+            "The author of the site chose these files. If you choose Read now, they are shown here and \
+             included in reports."
+        }
     };
     ui.label(RichText::new(why).color(palette.text2));
     ui.horizontal(|ui| {

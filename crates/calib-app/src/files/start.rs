@@ -40,7 +40,7 @@ const SUBTITLE: &str =
 const STEPS: [(Picture, &str, &str); 3] = [
     (DRAW, "Draw", "Vertical, parallel and perpendicular lines show how the camera is tilted."),
     (PLACE, "Place", "Move, rotate and scale the field of view on the plan."),
-    (CHECK, "Check", "Drag a mark: it must be on the same spot of the floor in every view."),
+    (CHECK, "Check", "Drag a mark: it must be at the same spot on the floor in every view."),
 ];
 
 /// Commands of the start page: label, command and note.

@@ -224,7 +224,7 @@ fn status_ui(sheet: &VideoSheet, ui: &mut Ui) {
         let mut text = format!("Moving objects covered {:.1} % of the image.", 100.0 * changed);
         if *busy > EmptyScene::MAX_BUSY_SHARE {
             text += &format!(
-                " Objects that hardly moved may be visible in {:.1} % of the image; use a longer video.",
+                " Objects that hardly moved may be visible in {:.1} % of the image. Use a longer video.",
                 100.0 * busy
             );
         }
