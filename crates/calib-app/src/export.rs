@@ -166,7 +166,7 @@ fn export_contents(ui: &mut Ui, palette: &Palette, export: &Export) {
     for file in &export.files {
         ui.horizontal(|ui| {
             ui.label(&file.name);
-            let kilobytes = (file.bytes.len() as f64 / 1024.0).ceil();
+            let kilobytes = (file.bytes.len() as f64 / 1000.0).ceil();
             ui.label(RichText::new(format!("{kilobytes} kB")).color(palette.text3));
         });
     }

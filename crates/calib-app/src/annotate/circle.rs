@@ -7,9 +7,6 @@ use egui::{DragValue, RichText, Ui};
 use crate::state::App;
 use crate::theme;
 
-/// Message that is shown if no image circle was detected.
-const NOT_FOUND: &str = "No image circle was detected. Enter its centre and radius.";
-
 /// Shows the image circle of the current camera, if the camera has a fisheye lens or an image circle.
 pub(crate) fn circle_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
@@ -25,7 +22,7 @@ pub(crate) fn circle_ui(app: &mut App, ui: &mut Ui) {
         if ui.button("Find").on_hover_text("Detect the circle in the image").clicked() {
             match found(app) {
                 Some(circle) => chosen = Some(circle),
-                None => app.send(Action::AddError(NOT_FOUND.into())),
+                None => app.send(Action::AddError(not_found(app))),
             }
         }
         let inscribed = ImageCircle { u: 0.5 * width, v: 0.5 * height, radius: 0.5 * width.min(height) };
@@ -56,6 +53,14 @@ pub(crate) fn circle_ui(app: &mut App, ui: &mut Ui) {
 pub(crate) fn found(app: &App) -> Option<ImageCircle> {
     let name = app.editor.session().entry()?.image.as_deref()?;
     calib_image::image_circle(&app.pictures.ready(name)?.image)
+}
+
+/// Returns the message that no image circle was detected.
+fn not_found(app: &App) -> String {
+    let Some(entry) = app.editor.session().entry() else { return String::new() };
+    let is_loaded = entry.image.as_deref().is_some_and(|name| app.pictures.ready(name).is_some());
+    let why = if is_loaded { "no image circle was detected" } else { "its image is not loaded" };
+    format!("{}: {why}. Enter the centre and radius of the image circle.", entry.id)
 }
 
 /// Whether the current camera has a fisheye lens, with given coefficients or with coefficients to be fitted.

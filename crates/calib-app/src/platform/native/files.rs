@@ -61,7 +61,7 @@ fn write_to(path: &Path, bytes: &[u8], waits: bool) -> FileResult<()> {
         }
         part.persist(&place, true)
     });
-    written.map_err(|error| format!("{}: {error}", path.display()))
+    written.map_err(|error| format!("{} cannot be written: {error}", path.display()))
 }
 
 /// Returns the folder of autosaves and of the demonstration's images.
