@@ -195,8 +195,7 @@ pub(crate) fn steps_ui(app: &mut App, ui: &mut Ui) {
     }
     if waits && app.blank_cameras().nth(1).is_some() {
         let button = ui.button(keys::shown(ui.ctx(), "Calibrate all images   Shift+A"));
-        let tip = "Calibrate every image that has no lines, and place the cameras relative to each other \
-                   and on the plan";
+        let tip = "Calibrate images that have no lines, and place the cameras relative to each other and on the plan";
         if button.on_hover_text(tip).clicked() {
             app.send_command(Command::CalibrateAll);
         }
