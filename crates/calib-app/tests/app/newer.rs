@@ -194,7 +194,10 @@ fn image_of_another_size_is_refused_and_work_can_be_cancelled() {
     let mut desk = desk(&scratch, "store.png");
     compare(&mut desk, scratch.path("small.png"));
     let error = desk.app().editor.error().unwrap().to_owned();
-    assert!(error.contains("of store was not compared") && error.contains("take an image of 1280 x 960 pixels"), "{error}");
+    assert!(
+        error.contains("of store was not compared") && error.contains("take an image of 1280 x 960 pixels"),
+        "{error}"
+    );
     desk.app().act(Action::CloseError);
     desk.answer(Some(scratch.path("store.png")));
     desk.tell(Command::CompareStill);
