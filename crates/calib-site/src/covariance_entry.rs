@@ -227,7 +227,8 @@ impl CrossCovarianceEntry {
     fn covariance(&self, cameras: [&Camera; 2]) -> CrossCovariance {
         let [a, b] = cameras;
         let index = |camera: &Camera, known: &String| {
-            (0..Covariance::SIZE).find(|&i| parameter_name(i, &camera.lens.distortion) == Some(known))
+            (0..Covariance::SIZE)
+                .find(|&i| parameter_name(i, &camera.lens.distortion) == Some(current_name(known)))
         };
         let columns: Vec<Option<usize>> = self.columns.iter().map(|known| index(b, known)).collect();
         let mut found = Box::new([[0.0; Covariance::SIZE]; Covariance::SIZE]);

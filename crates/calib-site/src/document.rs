@@ -292,7 +292,7 @@ document! {
         /// Areas of interest, for the coverage.
         #[serde(default, deserialize_with = "bounds::items", skip_serializing_if = "Vec::is_empty")]
         areas: Vec<Area>,
-        /// Smallest pixel density of each level; the limits of IEC 62676-4 if absent.
+        /// Smallest pixel density of each level; the limits of EN 62676-4 if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         level_px_per_m: Option<LevelLimitsEntry>,
         /// Measurements in the images.
