@@ -88,7 +88,8 @@ fn is_number_start(name: &str, start: usize) -> bool {
     is_digit(start) && !(start > 0 && is_digit(start - 1))
 }
 
-/// Removes a number with this many digits from the start of a text, and at most one separator before it.
+/// Removes a number of `digits` digits, and at most one separator before it, from the start of a text. Returns the
+/// number.
 fn number(text: &mut &str, digits: usize) -> Option<u32> {
     let skipped = text.trim_start_matches(['-', '_', ':', '.', 'T', ' ']);
     if text.len() - skipped.len() > 1 {

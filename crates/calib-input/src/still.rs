@@ -278,7 +278,7 @@ fn unsupported(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
         )),
         (_, Some(b"avif" | b"avis")) => Some(("an AVIF image", SAVE)),
         (_, Some(_)) => Some((VIDEO, FRAME)),
-        // QuickTime files without a brand. The first byte of a text is larger.
+        // QuickTime files without a brand. The first byte of a text is above 0x1F.
         (
             [0..=0x1F, _, _, _, b'm', b'o', b'o', b'v', ..]
             | [0..=0x1F, _, _, _, b'm', b'd', b'a', b't', ..]

@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 
 /// Number of damaged copies of each image.
 const COPIES: usize = 2_000;
-/// Longest time for one image. Whole ones take less than a millisecond.
+/// Longest accepted time for one image. Undamaged images take less than a millisecond.
 const MAX_TIME: Duration = Duration::from_secs(5);
 
 fn encoded(image: &DynamicImage, format: ImageFormat) -> Vec<u8> {

@@ -201,7 +201,7 @@ impl Camera {
         Ok(rows(&[[camera.focal, 0.0, u], [0.0, camera.focal, v], [0.0, 0.0, 1.0]]))
     }
 
-    /// Distortion with its model, its coefficients, and the focal length of the coefficients; `undefined`
+    /// Distortion: its model, its coefficients, and the focal length that the coefficients refer to; `undefined`
     /// without distortion.
     ///
     /// # Errors

@@ -92,9 +92,9 @@ pub enum ScaleSource {
 pub struct Layer {
     /// Name.
     pub name: String,
-    /// Whether it is shown.
+    /// Whether the layer is shown.
     pub is_shown: bool,
-    /// Number of its lines and texts in the drawing.
+    /// Number of lines and texts of the layer in the drawing.
     pub count: usize,
     /// Straight lines of a shown layer in the picture: both ends, in pixels.
     pub lines_px: Vec<[[f32; 2]; 2]>,

@@ -14,7 +14,7 @@ pub enum PlanError {
         /// Number of pages.
         pages: usize,
     },
-    /// Drawing without visible lines.
+    /// Drawing without visible lines; contains advice for the message, or an empty text.
     #[error("the drawing has no visible lines in its model space{0}")]
     Empty(String),
     /// Document that is protected by a password.
@@ -36,7 +36,7 @@ pub enum PlanError {
         /// Limit, and advice.
         reason: String,
     },
-    /// File type that is not read here.
+    /// File type that is not supported; contains the message, with advice.
     #[error("{0}")]
     Unsupported(String),
 }

@@ -11,7 +11,7 @@ const MAX_SECONDS: u64 = 60;
 /// Stack of the thread, in bytes.
 const STACK_BYTES: usize = 64 << 20;
 
-/// Does work in a thread of its own, because a hostile file can take hours or use the whole stack. A panic of a
+/// Does work in a separate thread, because a hostile file can take hours or use the whole stack. A panic of a
 /// library is an error of the file. After the time limit, the thread continues until its end.
 pub(crate) fn guarded<T: Send + 'static>(
     kind: &'static str,

@@ -9,6 +9,6 @@ pub struct Part {
     pub low: [f64; 2],
     /// Width and height of the part, in pixels of the whole picture.
     pub size: [f64; 2],
-    /// Width and height of the drawn part, in pixels of its own.
+    /// Width and height of the rasterised part, in pixels.
     pub pixels: [u32; 2],
 }

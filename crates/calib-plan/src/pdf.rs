@@ -24,12 +24,12 @@ const PIXELS_PER_INCH: f64 = 150.0;
 const MAX_SIDE: f64 = 6144.0;
 /// Points of a PDF per inch, for a user unit of 1.
 const POINTS_PER_INCH: f64 = 72.0;
-/// Metres of an inch.
+/// Length of an inch, in metres.
 const METRES_PER_INCH: f64 = 0.0254;
 /// Largest text of a page that is searched for a scale, in bytes.
 const MAX_TEXT_BYTES: usize = 1 << 20;
 
-/// Reads a page of a document, from 1.
+/// Reads the page with the number `page` of a document; the first page has the number 1.
 pub(crate) fn read(bytes: &[u8], page: u32) -> Result<Drawing, PlanError> {
     let bytes = bytes.to_vec();
     guarded("PDF", move || read_page(bytes, page))
@@ -82,7 +82,7 @@ fn document(page: &Page<'_>) -> String {
     hayro_svg::convert(page, &RenderCache::new(), &InterpreterSettings::default(), &settings)
 }
 
-/// Returns the texts of a page in the order in which it draws them.
+/// Returns the texts of a page in the order in which the page draws them.
 fn text_of(page: &Page<'_>) -> String {
     let cache = InterpreterCache::new();
     let target = Rect::new(0.0, 0.0, 1e4, 1e4);

@@ -9,7 +9,7 @@ use crate::error::PlanError;
 ///
 /// # Errors
 ///
-/// Fails if the drawing is damaged or too large, if the page does not exist, or if its type cannot be read here.
+/// Fails if the drawing is damaged or too large, if the page does not exist, or if its type is not supported.
 pub fn read(bytes: &[u8], view: &View) -> Option<Result<Drawing, PlanError>> {
     #[cfg(feature = "raster")]
     if let Some(large) = crate::large_tiff::read(bytes) {
@@ -138,7 +138,7 @@ mod tests {
         let walls = read_dxf(&text, Some(&["w", "Grid"])).unwrap();
         assert_eq!((walls.facts.size, walls.facts.origin_px), (all.facts.size, all.facts.origin_px));
         assert!(darkness(&walls, [5.5e3, 5e3]) == 0 && darkness(&walls, [1e4, 4e3]) > 50);
-        // Layers of an older version of the drawing are reported, and the usual ones shown.
+        // Layers of an older version of the drawing are reported, and the layers that are on are shown.
         let renamed = read_dxf(&text, Some(&["Walls"])).unwrap();
         assert_eq!(renamed.facts.notes, ["Layers missing from the drawing: Walls."]);
         assert_eq!(renamed.facts.layers, all.facts.layers);

@@ -21,7 +21,8 @@ pub(crate) fn denominators(text: &str) -> Vec<u32> {
     found
 }
 
-/// Returns the numbers after "1:" and "1 :". A digit or separator before the 1 makes it another number.
+/// Returns the numbers after "1:" and "1 :". A digit or separator before the 1 makes it another number. A
+/// ratio after a word in [`SLOPES`] is left out.
 fn ratios(text: &str) -> impl Iterator<Item = u32> {
     text.match_indices(':').filter_map(|(at, _)| {
         let before = text[..at].trim_end().strip_suffix('1')?;

@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 
 /// Number of damaged copies.
 const COPIES: usize = 10_000;
-/// Longest time for one copy. The whole document takes about a millisecond.
+/// Longest accepted time for one copy. The undamaged document takes about a millisecond.
 const MAX_TIME: Duration = Duration::from_secs(10);
 
 /// Returns a page of 400 x 300 points with walls, a scale as text and a small image.

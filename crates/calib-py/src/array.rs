@@ -60,8 +60,8 @@ pub(crate) fn shape_text(shape: &[usize]) -> String {
     }
 }
 
-/// Converts a value to an array of numbers, whatever its type, strides and byte order. A C-contiguous array
-/// of doubles is not copied.
+/// Converts an array-like value of numbers to an array of doubles. Any numeric type, strides and byte order
+/// are accepted. A C-contiguous array of doubles is not copied.
 pub(crate) fn doubles<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<Doubles<'py>> {
     if let Ok(array) = value.cast_exact::<PyArrayDyn<f64>>()
         && is_plain(array)
@@ -103,7 +103,8 @@ fn unreadable(py: Python<'_>, name: &str, why: &PyErr) -> PyErr {
     value_error(py, None, name, format_args!("expected numbers: {}", why.value(py)))
 }
 
-/// Replaces masked values by NaN. NumPy's own conversion would ignore the mask.
+/// Replaces masked values by NaN; `None` for a value without a mask. NumPy's own conversion would ignore
+/// the mask.
 fn masked<'py>(value: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyAny>>> {
     if !(value.hasattr("filled")? && value.hasattr("mask")?) {
         return Ok(None);

@@ -246,12 +246,12 @@ fn single_camera_site(site: &Site, entry: &SiteCamera) -> String {
 impl Camera {
     /// Prepares the undistortion of images of a stream. Reuse the result for all images.
     ///
-    /// Args: view: "same-focal" (the centre keeps its scale), "all-valid" (the largest view without blank
-    /// pixels) or "all-pixels" (the whole image, with blank borders). origin, stream_size, fit, crop: kind of
-    /// images, see the class.
+    /// Args: view: "same-focal" (the centre keeps its scale), "all-valid" (the largest view without blank pixels) or
+    /// "all-pixels" (the whole image, with blank borders). origin, stream_size, fit, crop: stream settings of the
+    /// images; see `Camera`.
     ///
-    /// Returns: An `Undistorter` for uint8 arrays of the shape (height, width), or with 3 or 4 colour
-    /// channels.
+    /// Returns: An `Undistorter` for uint8 arrays of the shape (height, width), (height, width, 3) or (height, width,
+    /// 4).
     #[pyo3(
         signature = (view="same-focal", **stream),
         text_signature = "($self, view='same-focal', *, origin=None, stream_size=None, fit=None, crop=None)"

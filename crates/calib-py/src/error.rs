@@ -24,7 +24,7 @@ pub(crate) fn add_default_attributes(module: &Bound<'_, PyModule>) -> PyResult<(
     class.setattr("field", None::<&str>)
 }
 
-/// Returns an exception about a value, with the id of its camera if there is one.
+/// Returns an exception about a value, with the id of the camera of this value, if any.
 pub(crate) fn value_error(
     py: Python<'_>,
     camera: Option<&str>,

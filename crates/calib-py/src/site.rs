@@ -98,7 +98,7 @@ impl Site {
     ///     x, y: numbers or arrays, in metres.
     ///
     /// Returns:
-    ///     (px, py): arrays of their shape, in pixels of the plan from its upper left corner, y down.
+    ///     (px, py): arrays of the same shape as x and y, in pixels of the plan from its upper left corner, y down.
     fn floor_to_plan<'py>(&self, x: &Bound<'py, PyAny>, y: &Bound<'py, PyAny>) -> PyResult<Pair<'py>> {
         let scale = self.plan(x.py())?;
         let to_plan = |x, y| scale.plan_from_floor(FloorPoint { x, y }).into();
@@ -117,7 +117,7 @@ impl Site {
     ///     px, py: numbers or arrays, in pixels of the plan from its upper left corner, y down.
     ///
     /// Returns:
-    ///     (x, y): arrays of their shape, in metres.
+    ///     (x, y): arrays of the same shape as px and py, in metres.
     #[pyo3(signature = (px, py))]
     fn plan_to_floor<'py>(&self, px: &Bound<'py, PyAny>, py: &Bound<'py, PyAny>) -> PyResult<Pair<'py>> {
         let scale = self.plan(px.py())?;
@@ -132,7 +132,7 @@ impl Site {
     ///     x, y: numbers or arrays, in metres.
     ///
     /// Returns:
-    ///     (lat, lon): arrays of their shape, in degrees.
+    ///     (lat, lon): arrays of the same shape as x and y, in degrees.
     fn floor_to_geographic<'py>(&self, x: &Bound<'py, PyAny>, y: &Bound<'py, PyAny>) -> PyResult<Pair<'py>> {
         let plane = self.tangent_plane(x.py())?;
         let convert = |x, y| {
@@ -149,7 +149,7 @@ impl Site {
     ///     lat, lon: numbers or arrays, in degrees.
     ///
     /// Returns:
-    ///     (x, y): arrays of their shape, in metres.
+    ///     (x, y): arrays of the same shape as lat and lon, in metres.
     fn geographic_to_floor<'py>(
         &self,
         lat: &Bound<'py, PyAny>,

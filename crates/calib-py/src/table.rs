@@ -245,20 +245,19 @@ impl Site {
     /// calibration_sigma_x_m and so on for the part of the calibration. Missing results are null.
     ///
     /// Args: table: table of any library with Arrow's C stream interface: Polars, pandas, PyArrow, DuckDB.
-    /// camera: id of the camera of all rows; alternative to camera_column. camera_column: name of the column
-    /// with the camera's id. at: time of all rows (RFC 3339, or a datetime with a time zone); alternative to
-    /// at_column. at_column: name of the column with the time. at_unit: unit of numbers in that column,
-    /// counted from 1970: "s", "ms", "us" or "ns"; by default the ending of its name. to: "floor" (columns u,
-    /// v, or the boxes x, y, w, h) or "pixel" (columns x_m, y_m, z_m). columns: "points", "boxes" or "auto"
-    /// (points if there are u and v, otherwise boxes). box_form: "xyxy" (two corners), "xywh" (upper left
+    /// camera: id of the camera of all rows; alternative to camera_column. camera_column: name of the column with
+    /// the camera's id. at: time of all rows (RFC 3339, or a datetime with a time zone); alternative to
+    /// at_column. at_column: name of the column with the time. at_unit: unit of numbers in that column, counted
+    /// from 1970: "s", "ms", "us" or "ns"; by default from the ending of the name of the column. to: "floor"
+    /// (columns u, v, or the boxes x, y, w, h) or "pixel" (columns x_m, y_m, z_m). columns: "points", "boxes" or
+    /// "auto" (points if there are u and v, otherwise boxes). box_form: "xyxy" (two corners), "xywh" (upper left
     /// corner, width and height), "cxcywh" (centre, width and height) or "yolo" (the same as fractions of the
-    /// stream); by default from the names of the columns. height: height of the plane above the floor, in
-    /// metres. sigma_px: standard deviation of a detection, in pixels of the stream. geographic: whether to add
-    /// lat_deg and lon_deg, for a site with a georeference; with sigma_px also sigma_east_m and so on, in metres.
-    /// crs: EPSG code of a grid, such as "EPSG:25832", in which easting and northing are added. replace: whether
-    /// to replace existing columns of the table. bad_rows: "fail" raises for a cell that is not a number;
-    /// "status" reports it in the status of its row. origin, stream_size, fit, crop: kind of pixels, see
-    /// `Camera`.
+    /// stream); by default from the names of the columns. height: height of the plane above the floor, in metres.
+    /// sigma_px: standard deviation of a detection, in pixels of the stream. geographic: whether to add lat_deg
+    /// and lon_deg, for a site with a georeference; with sigma_px also sigma_east_m and so on, in metres. crs:
+    /// EPSG code of a grid, such as "EPSG:25832", in which easting and northing are added. replace: whether to
+    /// replace existing columns of the table. bad_rows: "fail" raises for a cell that is not a number; "status"
+    /// reports it in the status of its row. origin, stream_size, fit, crop: kind of pixels, see `Camera`.
     ///
     /// Returns: A table for `polars.DataFrame`, `pyarrow.table` or `pandas.DataFrame.from_arrow`.
     #[pyo3(

@@ -45,8 +45,8 @@ pub fn levels() -> impl Iterator<Item = Option<DensityLevel>> {
     std::iter::once(None).chain(DensityLevel::ALL.into_iter().map(Some))
 }
 
-/// Describes the walls that were made of the lines of a drawing, such as "4 walls added from WALLS; left out: 2 curves".
-/// `curves` and `short` are the numbers of lines that became no walls.
+/// Describes the walls that were made from the lines of a drawing, such as "4 walls added from WALLS; left out: 2
+/// curves". `curves` and `short` are the numbers of lines that became no walls.
 #[must_use]
 pub fn added_walls_text(layers: &str, added: usize, curves: usize, short: usize) -> String {
     let left_out =

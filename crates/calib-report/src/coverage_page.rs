@@ -205,7 +205,7 @@ impl CoveragePage<'_> {
         format!("{hundredths} {}", units.symbol())
     }
 
-    /// Returns the visible floor of each level, in square metres.
+    /// Returns the visible floor area at each level, in square metres.
     fn levels(&self) -> impl Iterator<Item = (Option<DensityLevel>, f64)> {
         let reached = |at: usize| self.coverage.limits.reached_by(self.coverage.coverage.density[at]);
         levels().map(move |level| (level, self.coverage.visible_area(|at| reached(at) == level)))

@@ -64,7 +64,8 @@ pub fn measurement_text(measurement: &Measurement, found: Measured, units: Units
     }
 }
 
-/// Returns a sentence about a speed whose times are whole seconds; `None` for other measurements.
+/// Returns a sentence with the smallest and largest possible speed if the times are in whole seconds. Returns
+/// `None` for all other measurements.
 #[must_use]
 pub fn speed_remark(measurement: &Measurement, found: Measured, units: Units) -> Option<String> {
     let (low, high) = speed_limits(measurement, found.value)?;

@@ -40,7 +40,8 @@ pub fn overlay(site: &Site, entry: &SiteCamera, lens_grid: bool) -> Svg {
     svg
 }
 
-/// Maximum number of grid cells along the diagonal of the polygon; more cells would not be distinguishable.
+/// Maximum number of grid cells along the diagonal of the polygon that the grid covers; more cells would not be
+/// distinguishable.
 pub(crate) const MAX_GRID_CELLS: f64 = 24.0;
 
 /// Returns the layers of the overlay in drawing order: the first one is the lowest.

@@ -70,7 +70,7 @@ pub fn page(site: &Site, created: u64, walk: Option<&WalkPage<'_>>, pictures: Im
     html
 }
 
-/// Writes the section with the site from above.
+/// Writes the site from above, and its coverage if it has areas of interest.
 fn write_plan_section(html: &mut String, site: &Site, pictures: ImageSource<'_>) {
     let has_image = site.plan.as_ref().is_some_and(|plan| plan.image.is_some());
     let plan = has_image.then(|| resolve_image(html, pictures(ImageRequest::Plan))).flatten();

@@ -8,14 +8,14 @@ use calib_site::{Site, SiteCamera, Solution, Warning};
 use crate::svg::escape;
 
 /// Largest relative standard deviation of floor lengths with which a camera passes `calib check`, unless
-/// another one is given.
+/// another limit is given.
 pub const MAX_FLOOR_ERROR_REL: f64 = 0.03;
 
-/// Largest RMS residual in pixels with which a camera passes `calib check`, unless another one is given.
+/// Largest RMS residual in pixels with which a camera passes `calib check`, unless another limit is given.
 /// Annotations and edges typically have errors of one or two pixels.
 pub const MAX_RMS_PX: f64 = 5.0;
 
-/// Reason of a camera whose lengths have an unknown common factor.
+/// Reason in the summary for a camera whose lengths have an unknown common factor.
 const UNKNOWN_SCALE: &str = "The scale is unknown: no height, length, distance or known point determines it.";
 
 /// Relative standard deviation of floor lengths from which a camera is not usable.
@@ -28,7 +28,7 @@ enum Usability {
     Good,
     /// The camera is usable after the reason is resolved.
     Check,
-    /// The camera has no result, or a wrong one.
+    /// The camera has no result, an error, or floor lengths that are too uncertain.
     Bad,
 }
 
@@ -88,7 +88,7 @@ fn floor_error_rel(solution: Option<&Solution>) -> Option<f64> {
 /// Returns the usability of a solved camera and its reason. Errors come before warnings.
 fn usability(site: &Site, index: usize, solution: &Solution) -> (Usability, String) {
     let mut warnings = site.failing_warnings(index);
-    // The focal length of a camera that looks straight down changes heights alone.
+    // A wrong focal length of a camera that looks straight down changes only heights.
     let heights_are_unknown = solution.heights_known == Some(false);
     warnings.retain(|warning| !(heights_are_unknown && warning.code == Code::FocalUnobservable));
     let first = |is_wanted: &dyn Fn(&Warning) -> bool| {

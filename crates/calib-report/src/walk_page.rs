@@ -106,7 +106,7 @@ impl WalkPage<'_> {
         }
     }
 
-    /// Returns the names of the zones that the walker did not enter, shortened; "none" if there are none.
+    /// Returns the names of the zones that the walker did not enter as a shortened list, or "none".
     fn not_walked(&self) -> String {
         let names: Vec<String> =
             self.zones.list.iter().filter(|zone| zone.moments == 0).map(zone_name).collect();

@@ -11,7 +11,7 @@ use calib_site::{MeasurementKind, Method, SiteCamera, Solution, Stage, Units};
 pub fn shortened_list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     /// Largest number of names in a list that is written in full.
     const MAX_FULL_LIST: usize = 6;
-    /// Number of names that are written of a longer list.
+    /// Number of names of a longer list that are written.
     const SHOWN_NAMES: usize = 3;
     let names: Vec<&str> = names.into_iter().collect();
     if names.len() <= MAX_FULL_LIST {

@@ -54,7 +54,7 @@ fn the_summary_names_unusable_cameras_with_their_reason() {
     let sigma = site.cameras[0].solution.as_mut().unwrap().sigma.as_mut().unwrap();
     sigma.floor_length_rel = Some(0.05);
     site.cameras[1].solution = None;
-    // An error above 100 % has no number, but counts.
+    // A floor error above 100 % is not shown as a number, but the camera counts as bad.
     let sigma = site.cameras[2].solution.as_mut().unwrap().sigma.as_mut().unwrap();
     sigma.floor_length_rel = Some(1.3);
     let found = start(&site);

@@ -181,8 +181,8 @@ pub(crate) fn refine_lenses(
 }
 
 impl Site {
-    /// Fits a camera, and rejects no line before its lens is estimated from all lines. Also returns this estimate;
-    /// `None` if points alone determine the camera.
+    /// Fits a camera, and rejects no line before its lens is estimated from all lines. Also returns this estimate,
+    /// which is `None` if points alone determine the camera. Returns `None` if the fit fails.
     pub(crate) fn fit_all_lines(
         &self,
         entry: &SiteCamera,
@@ -227,7 +227,7 @@ fn adjust(
     let mut summary = adjustment.solve_checked();
     for (estimate, member) in summary.cameras.iter_mut().zip(members) {
         let Some(member) = member else { continue };
-        // An unconnected camera from points has no residuals here. Its result of stage 1 is kept.
+        // An unconnected camera from points has no residuals in this adjustment. Its result of stage 1 remains.
         estimate.take_if(|estimate| !estimate.is_connected && member.has_only_points());
         if let Some(estimate) = estimate.as_mut().filter(|estimate| !estimate.is_connected) {
             estimate.camera = member.with_single_pose(&estimate.camera);
@@ -242,7 +242,7 @@ fn bundle_cameras<'a>(entries: &[&SiteCamera], members: &[Option<Member<'a>>]) -
         None => BundleCamera::new(ABSENT, entry.size()),
     };
     let mut cameras: Vec<BundleCamera> = entries.iter().zip(members).map(camera).collect();
-    // The edges of a fisheye determine its principal point also in a camera that shares its lens.
+    // The edges in a fisheye image determine the principal point, also in a camera that shares the lens.
     for index in 0..cameras.len() {
         let Some(owner) = cameras[index].shared_lens else { continue };
         if cameras[owner].camera.lens.distortion.is_wide() && cameras[owner].free_lens[Lens::CENTRE] {
@@ -261,8 +261,8 @@ fn lens_owner(entry: &SiteCamera, entries: &[&SiteCamera], members: &[Option<Mem
 }
 
 impl<'a> Member<'a> {
-    /// Creates a member. Returns `None` for a camera without a maximum-likelihood fit. Exceptions are a
-    /// camera from control points, and an entered camera with a position.
+    /// Creates a member. Returns `None` for a camera without a maximum-likelihood fit. Exceptions are a camera from
+    /// points, and a placed camera that is not recomputed ([`SiteCamera::is_given`]).
     fn new(entry: &'a SiteCamera, single: &'a SingleFit) -> Option<Self> {
         let own = single.result.solution.camera()?;
         let takes_part = if entry.is_given() {
@@ -394,7 +394,7 @@ impl<'a> Member<'a> {
             // The coefficients k1 and k2.
             free[..2].fill(true);
         }
-        // The lens fit of a fisheye has its own prior, not an entered one.
+        // The lens fit of a fisheye uses its own prior on the principal point if none is entered.
         let is_entered = self.entry.entered_principal_point().is_some();
         if self.single.fits_principal_point() || self.single.principal_point.is_some() && is_entered {
             free[Lens::CENTRE..Lens::ASPECT].fill(true);

@@ -116,7 +116,7 @@ impl Site {
     }
 }
 
-/// Adds the camera and the annotation to an error, by the operator's names.
+/// Adds the camera and the annotation to an error, with the names that the operator gave them.
 fn with_subject(text: &str, error: SiteError) -> SiteError {
     let about = error_subject(text, &error.pointer);
     SiteError { subject: about, ..error }
@@ -138,7 +138,7 @@ fn error_subject(text: &str, pointer: &str) -> Option<Box<ErrorSubject>> {
     Some(Box::new(ErrorSubject { camera: text_of(camera, "id")?, annotation }))
 }
 
-/// Returns the unparsed value of a field of a JSON object. The rest of the document is not built.
+/// Returns the unparsed value of a field of a JSON object. The values of the document are not built in memory.
 fn field<'a>(object: &'a str, key: &str) -> Option<&'a str> {
     let fields: HashMap<Cow<'_, str>, &RawValue> = serde_json::from_str(object).ok()?;
     fields.get(key).map(|value| value.get())
@@ -170,7 +170,7 @@ fn count_values(text: &str) -> usize {
     values
 }
 
-/// Checks the scale, the origin and the georeference of a floor plan.
+/// Checks the values of a floor plan: page, layers, scale, origin, direction of the x axis, and georeference.
 fn check_plan(at: &At, plan: &Plan) -> Checked {
     /// Largest number of shown layers.
     const MAX_LAYERS: usize = 10_000;
@@ -246,7 +246,7 @@ fn check_camera(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
     camera.solution.as_ref().map_or(Ok(()), |solution| check_solution(&at.key("solution"), solution))
 }
 
-/// Checks fields of view, millimetres and the sensor.
+/// Checks the values from a data sheet: fields of view, focal length in millimetres, and sensor size.
 fn check_data_sheet(at: &At, lens: &LensEntry) -> Checked {
     const FIELD: Bounds = Bounds { low: 0.1, high: 179.0, ..Bounds::POSITIVE };
     let fields = [("hfov_deg", lens.hfov_deg), ("vfov_deg", lens.vfov_deg), ("dfov_deg", lens.dfov_deg)];
@@ -274,7 +274,8 @@ fn check_data_sheet(at: &At, lens: &LensEntry) -> Checked {
     }
 }
 
-/// Checks the window of a lens. The size of the calibrated image is unknown, so its data sheet cannot be used.
+/// Checks the window of a lens. With a window, the size of the calibrated image is unknown, so values from a
+/// data sheet are refused. `like` is refused, too.
 fn check_window(at: &At, window: [f64; 4], lens: &LensEntry) -> Checked {
     Bounds::COORDINATE.check_all(at, &window)?;
     window[2..].iter().try_for_each(|&side| Bounds { low: 1.0, ..Bounds::POSITIVE }.check(at, side))?;
@@ -469,7 +470,7 @@ fn check_right_angle_references(at: &At, annotations: &[Annotation]) -> Checked 
     Ok(())
 }
 
-/// Checks the values of a control point, and that its coordinates are given in one way.
+/// Checks the values of a control point, and that it has coordinates, but not both `world_m` and `plan_px`.
 fn check_control_point(at: &At, point: &ControlPointEntry, site: &Site) -> Checked {
     id(&at.key("id"), point.id.as_ref())?;
     name(&at.key("name"), point.name.as_ref())?;

@@ -164,7 +164,7 @@ pub(crate) fn check_survey(root: &At, site: &Site) -> Checked {
         .try_for_each(|(i, measurement)| check_measurement(&measurements.index(i), measurement, &cameras))
 }
 
-/// Checks the limits of the levels: they increase from level to level.
+/// Checks that the limits of the density levels are positive and increase from level to level.
 fn check_levels(at: &At, site: &Site) -> Checked {
     let Some(entry) = &site.level_px_per_m else { return Ok(()) };
     for (level, entered) in DensityLevel::ALL.into_iter().zip(entry.entered()) {

@@ -30,7 +30,7 @@ pub(crate) fn check_coordinate_system(root: &At, site: &Site) -> Checked {
     Ok(())
 }
 
-/// Checks that ground points have unique ids, and coordinates of one kind: `world_m`, latitude and longitude, or
+/// Checks that ground points have unique ids, and complete coordinates: `world_m`, latitude and longitude, or
 /// `crs_m`.
 pub(crate) fn check_ground_points(root: &At, site: &Site) -> Checked {
     let list = root.key("ground_points");
@@ -64,7 +64,8 @@ pub(crate) fn check_ground_points(root: &At, site: &Site) -> Checked {
     Ok(())
 }
 
-/// Checks the surveyed position of a control point, link or mark.
+/// Checks the surveyed position of a control point, ground point, link or mark. `has_site_coordinates` is
+/// whether the entry also has site coordinates.
 pub(crate) fn check_geographic(
     at: &At,
     position: &SurveyedPosition,

@@ -75,8 +75,8 @@ impl Plan {
 }
 
 impl Site {
-    /// Adds a ground point, or replaces the point with the same id. The clicks on a replaced point get its
-    /// coordinates.
+    /// Adds a ground point, or replaces the point with the same id. The clicks on a replaced point get the
+    /// coordinates of the new point.
     pub fn set_ground_point(&mut self, point: GroundPoint) {
         let Some(known) = self.ground_points.iter_mut().find(|known| known.id == point.id) else {
             self.ground_points.push(point);
@@ -142,8 +142,8 @@ impl Site {
         [self.walls.len() - before, short]
     }
 
-    /// Returns the expected deviations of the scene from the annotations' assumptions for the image of a
-    /// camera.
+    /// Returns the expected deviations of the scene from the assumptions of the annotations, for one camera. They are
+    /// entered for the camera, otherwise for the site; otherwise the defaults apply.
     #[must_use]
     pub fn scene_errors(&self, entry: &SiteCamera) -> SceneErrors {
         entry.scene.or(self.scene).map_or_else(SceneErrors::default, |scene| scene.errors())
@@ -333,8 +333,8 @@ impl ControlPointEntry {
         self.sigma_m.filter(|_| !has_both).unwrap_or(0.0)
     }
 
-    /// Returns the standard deviations of the pixel and of the world coordinates. If the entry has no `sigma_px`,
-    /// the argument is used, in pixels. Points of a map or plan have an exact height above the floor.
+    /// Returns the standard deviations of the pixel and of the world coordinates. `sigma_px` is used for an entry
+    /// without `sigma_px`, in pixels. Without `world_m` and `alt_m`, the height above the floor is exact.
     pub(crate) fn noise(&self, sigma_px: f64) -> ControlPointNoise {
         let sigma = self.position_sigma();
         let is_level = self.world_m.is_none() && self.alt_m.is_none();
@@ -395,8 +395,8 @@ impl DistortionEntry {
 
     /// Creates the entry of a lens for a camera with this focal length, in pixels; `None` without distortion.
     ///
-    /// Coefficients are rescaled to `focal`. If the model does not allow it, the entry contains the lens's
-    /// own focal length.
+    /// Coefficients are rescaled to `focal`. If the model cannot be rescaled, the entry contains the lens's own focal
+    /// length.
     #[must_use]
     pub fn from_lens(lens: &Lens, focal: f64) -> Option<Self> {
         let (distortion, focal_px) = match lens.distortion.rescaled(focal / lens.focal) {
@@ -452,7 +452,8 @@ impl SiteCamera {
         }
     }
 
-    /// Returns the entered focal length in pixels, otherwise the focal length of the data sheet under a lens.
+    /// Returns the entered focal length, in pixels, otherwise the focal length from the data sheet, computed for the
+    /// lens `under`.
     #[must_use]
     pub fn known_focal(&self, under: &Lens) -> Option<Known> {
         let entered = self.lens_of_image().and_then(|lens| lens.focal_px);
@@ -472,13 +473,15 @@ impl SiteCamera {
         entry.map_or(1.0, |entry| entry.start(self.size_px))
     }
 
-    /// Returns the prior on the pixel aspect; `None` if the pixel aspect is known, or the solution is kept.
+    /// Returns the prior on the pixel aspect; `None` if the pixel aspect is known, or if the solution is not
+    /// recomputed ([`Self::is_given`]).
     pub(crate) fn pixel_aspect_prior(&self) -> Option<Prior> {
         (!self.is_given()).then_some(())?;
         self.lens_of_image()?.pixel_aspect?.prior(self.size_px)
     }
 
-    /// Returns the entered lens: with fixed coefficients, otherwise without distortion.
+    /// Returns the lens with the entered distortion coefficients. The lens has no distortion if no coefficients or no
+    /// focal length are entered.
     #[must_use]
     pub fn lens(&self) -> Lens {
         let pinhole = Lens { pixel_aspect: self.pixel_aspect(), ..Lens::pinhole(self.principal_point()) };
@@ -510,7 +513,8 @@ impl SiteCamera {
         Lens { focal, distortion: row.zero, image_circle: self.image_circle(), ..lens }
     }
 
-    /// Returns the values of the fixed parameters under a lens, in radians, pixels and metres.
+    /// Returns the values of the fixed parameters, in radians, pixels and metres. A focal length from the data sheet
+    /// is computed for the lens `under`.
     #[must_use]
     pub fn fixed_parameters(&self, under: &Lens) -> FixedParameters {
         let fixed = |known: Option<Known>| known.filter(|known| known.fixed).map(|known| known.value);
@@ -525,7 +529,8 @@ impl SiteCamera {
         }
     }
 
-    /// Returns the priors on orientation, focal length and height under a lens, in radians, pixels and metres.
+    /// Returns the priors on orientation, focal length and height, in radians, pixels and metres. A focal length from
+    /// the data sheet is computed for the lens `under`.
     #[must_use]
     pub fn priors(&self, under: &Lens) -> Priors {
         let prior = |known: Option<Known>| {

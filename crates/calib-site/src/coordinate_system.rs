@@ -16,8 +16,9 @@ use proj4rs::transform::transform;
 /// Definition of WGS84 latitude and longitude.
 const WGS84: &str = "+proj=longlat +datum=WGS84 +no_defs";
 
-/// Whether the conversion of a PROJ definition is reliable. Not reliable are the Krovak grids of Czechia and Slovakia
-/// (wrong by 16 m), grids with south or west axes, and old datums without a transformation to WGS84.
+/// Whether the conversion of a PROJ definition is reliable. It is not reliable for the Krovak grids of Czechia and
+/// Slovakia (wrong by 16 m) and for grids with south or west axes. Old datums without a transformation to WGS84 are
+/// not reliable either.
 fn is_reliable(definition: &str) -> bool {
     let has = |term: &str| definition.split_whitespace().any(|own| own.starts_with(term));
     let is_modern = has("+ellps=GRS80") || has("+ellps=WGS84");

@@ -97,7 +97,7 @@ impl CovarianceEntry {
         }
     }
 
-    /// Creates the entry from the covariance of a camera; `None` if nothing was estimated or the uncertainty
+    /// Creates the entry from the covariance of a camera; `None` if no parameter was estimated or the uncertainty
     /// is unknown.
     #[must_use]
     pub fn from_camera(camera: &Camera) -> Option<Self> {
@@ -324,8 +324,8 @@ impl Site {
         entries.filter_map(|entry| entry.solution.as_ref()).any(|solution| solution.stage == Stage::Refined)
     }
 
-    /// Returns the cross-covariance of the parameters of two cameras: zeros if they were not solved jointly, `None`
-    /// if it is unknown.
+    /// Returns the cross-covariance of the parameters of two cameras, or the covariance if both are the same
+    /// camera. The result is zero if the cameras were not solved jointly, and `None` if it is unknown.
     pub(crate) fn covariance_between(
         &self,
         [a, b]: [&str; 2],

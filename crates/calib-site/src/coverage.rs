@@ -1,4 +1,4 @@
-//! Coverage of the site: visible floor, pixel densities, and the areas that miss their level.
+//! Coverage of the site: visible floor, pixel densities, the results of the areas, and hand-over zones.
 
 use calib_core::camera::{Camera, FloorPoint};
 use calib_core::floor::{
@@ -42,7 +42,7 @@ pub struct SiteCoverage<'a> {
     pub areas: Vec<AreaResult<'a>>,
     /// Zones of the floor that two cameras see, the largest first. Their cameras are indices into `cameras`.
     pub hand_overs: Vec<HandOver>,
-    /// Smallest pixel density of each level.
+    /// Smallest pixel density of each level, in pixels per metre.
     pub limits: LevelLimits,
     /// Views of `cameras`.
     views: Vec<FloorView<'a>>,
@@ -77,7 +77,7 @@ impl SiteCoverage<'_> {
     }
 
     /// Returns the visible floor as rectangles in which the grid points have equal values. `value` returns the value
-    /// of a grid point. Every grid point stands for the square around it.
+    /// of a grid point. Every grid point represents the square around it.
     #[must_use]
     pub fn rectangles_of<T: Copy + PartialEq>(&self, value: impl Fn(usize) -> T) -> Vec<FloorRectangle<T>> {
         let half = 0.5 * self.grid.step;
@@ -183,7 +183,7 @@ pub struct AreaResult<'a> {
     pub area: &'a Area,
     /// Required level; `None` if the area only needs to be visible.
     pub level: Option<DensityLevel>,
-    /// Coverage of the area; `None` if its polygon has no area.
+    /// Coverage of the area; `None` if its polygon has no area or is too narrow.
     pub coverage: Option<AreaCoverage>,
 }
 
@@ -247,7 +247,8 @@ impl Site {
     /// to the others are left out.
     ///
     /// # Errors
-    /// If no camera is calibrated, an id has several periods, or the grid has too many points.
+    /// If no camera is calibrated, an id has several periods, the step is not positive, or the grid has too many
+    /// points.
     pub fn coverage(&self, options: &CoverageOptions) -> Result<SiteCoverage<'_>, CoverageError> {
         /// Default number of points at which the disagreement of a hand-over zone is computed.
         const USUAL_ZONE_POINTS: usize = 100;

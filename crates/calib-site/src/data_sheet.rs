@@ -6,10 +6,9 @@ use calib_core::single::Known;
 use serde::de::value::MapAccessDeserializer;
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// Relative standard deviation of the focal length from a data sheet without a tolerance, also if it states a field
-/// of view.
-/// This is an assumption, not a measurement: an error of up to 5 % in either direction, by rounding and between
-/// samples, has a standard deviation of 3 % if it is uniform.
+/// Relative standard deviation of a focal length from a data sheet without a tolerance. It also applies to a focal
+/// length from a stated field of view. This is an assumption, not a measurement: a uniform error of up to ±5 %, from
+/// rounding and variation between samples, has a standard deviation of 3 %.
 pub(crate) const NOMINAL_SIGMA_REL: f64 = 0.03;
 
 /// Value from a data sheet: a number with the usual tolerance, or a value that is fixed or has a standard
@@ -68,8 +67,8 @@ impl<'de> Deserialize<'de> for Nominal {
 /// Values of the data sheet of a camera.
 ///
 /// The text form contains the focal length and the sensor (`2.8 mm 1/2.7`, `2.8 mm 5.6 x 3.15 mm`), or fields of view
-/// (`horizontal 98\u{b0} vertical 52\u{b0}`), or both. A value can have a standard deviation (`2.8 \u{b1} 0.1 mm`) or be
-/// exact (`exactly 2.8 mm`).
+/// (`horizontal 98° vertical 52°`), or both. A value can have a standard deviation (`2.8 ± 0.1 mm`) or be exact
+/// (`exactly 2.8 mm`).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DataSheet {
     /// Horizontal, vertical and diagonal field of view, in degrees.
@@ -107,8 +106,8 @@ impl std::error::Error for DataSheetError {}
 const FIELD_NAMES: [&str; 3] = ["horizontal", "vertical", "diagonal"];
 
 impl DataSheet {
-    /// Reads the values from a text. `size_px` is the size of the image, which determines the sensor of a focal length
-    /// that is stated as the equivalent of 35 mm film.
+    /// Reads the values from a text. `size_px` is the size of the image. It determines the sensor size for a focal
+    /// length that is stated as the equivalent of 35 mm film.
     ///
     /// A range of focal lengths (`2.8-12 mm`) is read as a uniform distribution of the log focal length.
     ///
@@ -185,7 +184,7 @@ impl DataSheet {
     }
 }
 
-/// Form that [`DataSheet::parse`] reads.
+/// Formats the data sheet as a text that [`DataSheet::parse`] reads.
 impl fmt::Display for DataSheet {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let value = |value: Nominal| match value {
@@ -216,8 +215,8 @@ const INCHES: &[&str] = &["\"", "inch", "in", "type"];
 /// Accepted fields of view, in degrees. Fisheye models do not use a field of view.
 const FIELDS_DEG: std::ops::RangeInclusive<f64> = 0.1..=179.0;
 
-/// Returns the width and height of 35 mm film for an image of this size, in millimetres. Equivalents refer to the
-/// diagonal.
+/// Returns the width and height of a sensor with the diagonal of 35 mm film and the aspect ratio of the image, in
+/// millimetres. Equivalent focal lengths refer to the diagonal.
 fn film_of(size_px: [u32; 2]) -> [f64; 2] {
     /// Diagonal of 36 mm x 24 mm.
     const DIAGONAL_MM: f64 = 43.267;
@@ -283,7 +282,7 @@ impl Words {
         skips
     }
 
-    /// Reads the name of an axis: its index in [`FIELD_NAMES`].
+    /// Reads the name of an axis, and returns its index in [`FIELD_NAMES`].
     fn axis(&mut self) -> Option<usize> {
         let word = self.peek()?;
         let is_name = |name: &str| {

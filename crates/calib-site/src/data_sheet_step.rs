@@ -14,8 +14,8 @@ use crate::solution::Method;
 /// Smallest difference of the log focal lengths, in standard deviations, that is a contradiction.
 const MIN_DIFFERENCE_SIGMA: f64 = 3.0;
 
-/// Largest standard deviation of the log focal length of the lines that is compared. The error of a less certain
-/// focal length is not normally distributed.
+/// Largest standard deviation of the log focal length from the lines with which the data sheet is compared. The error
+/// of a less certain focal length is not normally distributed.
 const MAX_LOG_FOCAL_SIGMA_OF_LINES: f64 = 0.1;
 
 impl Site {
@@ -34,8 +34,8 @@ impl Site {
         }
     }
 
-    /// Solves a camera without its data sheet, and returns the contradiction between both. `None` if they agree, the
-    /// camera has no data sheet, or the lines do not determine the focal length.
+    /// Solves a camera without its data sheet, and returns the contradiction between the lines and the data sheet.
+    /// `None` if they agree, the camera has no data sheet, or the lines do not determine the focal length.
     fn data_sheet_conflict(
         &self,
         entry: &SiteCamera,
@@ -82,7 +82,7 @@ impl Site {
         }
         let single = self.with_best_aspect(entry, Ok(single), &options, others);
         let single = self.with_best_centre(entry, single, &options, others).ok()?;
-        // Without unknowns of the lens, nothing is refined.
+        // Without unknown lens parameters, the lens is not refined.
         let refined = self.refine_lens(entry, &single).map(|refined| refined.camera);
         let camera = refined.or_else(|| Some(single.fit.as_ref()?.camera))?;
         Some((single, camera))
@@ -237,8 +237,9 @@ mod tests {
         assert!(!reports(&findings, Code::FocalConflict), "{findings:?}");
     }
 
-    /// Returns the numbers of solved and of reported random cameras. Their principal points are off the image centre
-    /// as usual. The data sheet has the usual error, in addition to this factor.
+    /// Solves `count` random cameras, and returns the numbers of solved and of reported cameras. Their principal
+    /// points deviate from the image centre by a usual amount. The focal length of the data sheet is wrong by
+    /// `factor`, in addition to the usual error.
     fn reported_random_cameras(count: usize, factor: f64) -> (usize, usize) {
         let mut random = ChaCha8Rng::seed_from_u64(45);
         let (mut solved, mut reported) = (0, 0);

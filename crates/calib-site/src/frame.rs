@@ -1,4 +1,5 @@
-//! Coordinate systems of the calibrated cameras. Positions of two cameras are comparable only in one system.
+//! Coordinate systems of the calibrated cameras. The positions of two cameras are comparable only in the same
+//! system.
 
 use crate::document::{ControlPointEntry, Site, SiteCamera};
 use crate::geographic::SurveyedPosition;
@@ -12,7 +13,7 @@ pub(crate) enum Frame {
     /// System of a connected component of cameras. No placement, control point, mark or link determines its position
     /// in the system of the site. The number is the index of the component.
     Component(usize),
-    /// Own system of a camera: the origin is the floor point below it.
+    /// Own system of a camera: the origin is the floor point below the camera.
     Own,
 }
 

@@ -5,7 +5,7 @@
 //!
 //! - Two or more control points have both site and geographic coordinates. They determine the georeference.
 //! - All known coordinates are geographic. They define the coordinate system of the site: world (0, 0) is the
-//!   first point, +x is east and +y is north. The floor is at its altitude.
+//!   first point, +x is east and +y is north. The floor is at the altitude of this point.
 //! - The site has other coordinates, such as a plan, and control points with geographic coordinates only. The
 //!   solved cameras give their site coordinates, and both together determine the georeference
 //!   (`georeference_step`).
@@ -145,7 +145,7 @@ impl Georeference {
     }
 }
 
-/// Surveyed position: the geographic coordinates of a control point, link or mark, as entered.
+/// Surveyed position: the geographic coordinates of a control point, ground point, link or mark, as entered.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SurveyedPosition {
     pub(crate) lat_deg: Option<f64>,
@@ -345,8 +345,8 @@ impl Site {
         })
     }
 
-    /// Whether something else than geographic points defines the coordinate system of the site: a plan, other
-    /// control points, a fixed placement, or a fixed mark.
+    /// Whether anything other than geographic points defines the coordinate system of the site: a plan, other control
+    /// points, a fixed placement, or a fixed mark.
     pub(crate) fn has_site_coordinates(&self) -> bool {
         let has_coordinates = |point: &ControlPointEntry| point.world_m.is_some() || point.plan_px.is_some();
         self.plan.is_some()

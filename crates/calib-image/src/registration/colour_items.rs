@@ -6,13 +6,14 @@ use crate::registration::colour_classes::ClassShares;
 use crate::registration::lab_image::LabImage;
 use crate::registration::local_view::LocalView;
 
-/// Smallest share of a class in a block that makes an item.
+/// Smallest share of a class in a block for which an item is created.
 const MIN_SHARE: f32 = 0.2;
 /// Smallest share of a class in a block that belongs to a blob of the class.
 const MIN_BLOB_SHARE: f32 = 0.15;
 /// Exponent of the mass of a blob. The parts of a large blob are not independent evidence.
 const BLOB_EXPONENT: f32 = -0.7;
-/// Exponent of the total weight of a class, in the factor that is applied to the weights of its items.
+/// Exponent of the total weight of a class, in the factor that is applied to the weights of its items. It is
+/// negative, so that classes with many items do not dominate.
 const CLASS_EXPONENT: f32 = -0.3;
 /// Largest distance of the floor point of a ray, in heights of the camera.
 const MAX_FLOOR_DISTANCE: f64 = 9.0;
@@ -43,8 +44,9 @@ pub(crate) struct ItemCandidates {
 }
 
 impl ItemCandidates {
-    /// Collects the items of blocks of `step` by `step` pixels. The weight is the share of the class, times a
-    /// factor for the size of the blob of the class that contains the block.
+    /// Collects the items of blocks of `step` by `step` pixels. The weight of an item is the share of its
+    /// class in the block, times a factor. The factor decreases with the size of the blob that contains the
+    /// block.
     pub(crate) fn new(shares: &ClassShares, image: &LabImage, view: &LocalView, step: usize) -> Self {
         let blocks = shares.block_means(step);
         let [w, h] = blocks.size;
@@ -66,8 +68,9 @@ impl ItemCandidates {
         Self { items, background }
     }
 
-    /// Returns the `count` most informative items, in the order of their classes. `other` contains the
-    /// background share of each class in the other camera. A rare class is more informative.
+    /// Returns the `count` most informative items, ordered by class. Reduces their weights if their class has
+    /// a large total weight. `other` contains the background share of each class in the other camera. A rare
+    /// class is more informative.
     pub(crate) fn select(&self, other: &[f32], count: usize) -> Vec<Item> {
         let mean = |class: usize| 0.5 * (other[class] + self.background[class]);
         let information: Vec<f32> =

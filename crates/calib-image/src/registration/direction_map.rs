@@ -16,7 +16,7 @@ const NODES_PER_PIXEL: f64 = 1.2;
 const MAX_NODES: f64 = 2048.0;
 /// Number of image positions along each axis that determine the extent of the grid.
 const EXTENT_STEPS: usize = 96;
-/// Largest stereographic radius: 120 degrees from the optical axis.
+/// Largest absolute value of a stereographic coordinate: 120 degrees from the optical axis.
 const MAX_RADIUS: f64 = 1.73;
 
 /// Class shares by direction. Hidden directions contain the background shares, which are no evidence.
@@ -36,8 +36,8 @@ pub(crate) struct DirectionMap {
 }
 
 impl DirectionMap {
-    /// Resamples the class shares of an image. `scale` is the number of pixels of `shares` per pixel of the
-    /// image.
+    /// Resamples the class shares of an image. `image` is the calibrated width and height, in pixels. `scale` is
+    /// the number of pixels of `shares` per pixel of the image.
     pub(crate) fn new(
         shares: &ClassShares,
         view: &LocalView,
@@ -130,7 +130,8 @@ fn extent(view: &LocalView, image: [f64; 2]) -> [[f64; 2]; 2] {
     if low[0] <= high[0] { [low, high] } else { [[0.0; 2]; 2] }
 }
 
-/// Interpolates the shares of all classes, normalised to the sum 1. Returns whether the pixel is visible.
+/// Interpolates the shares of all classes at the pixel `at` of `shares`. Writes them to `node`, normalised to
+/// the sum 1. Returns whether the pixel is visible.
 fn interpolate(node: &mut [f32], shares: &ClassShares, at: [f64; 2]) -> bool {
     let [(x, p), (y, q)] = [0, 1].map(|i| {
         let last = shares.size[i].saturating_sub(2);

@@ -36,8 +36,8 @@ impl FloorPose {
         }
     }
 
-    /// Returns the derivatives of the parameters of [`Self::relative_to`] by yaw, log height, x and y:
-    /// first of this camera, then of `base`.
+    /// Returns the derivatives of the result of [`Self::relative_to`]: first with respect to yaw, log height, x
+    /// and y of this camera, then with respect to the same parameters of `base`.
     pub(crate) fn relative_derivatives(&self, base: &Self, height: f64) -> [Matrix4<f64>; 2] {
         let [x, y] = self.relative_to(base, height).at;
         let (sin, cos) = base.yaw.sin_cos();
@@ -75,9 +75,9 @@ impl FloorPose {
     }
 }
 
-/// Places the cameras of one group by the best pairs that connect them. `heights` contains the given heights,
-/// in metres. `rank` returns the rank of a pair; the pairs with the highest ranks are used. The group is that
-/// of the camera `first`.
+/// Places the cameras of one group by the best pairs that connect them. The tree starts at the camera `first`.
+/// `heights` contains the given heights, in metres. `rank` returns the rank of a pair; the pairs with the
+/// highest ranks are used.
 pub(crate) fn spanning_tree(
     pairs: &[PairRegistration],
     heights: &[f64],

@@ -34,7 +34,7 @@ pub(crate) struct FloorRay {
 /// Visible floor of one image.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FloorScan {
-    /// Rays by heading.
+    /// Rays, ordered by heading.
     pub(crate) rays: Vec<FloorRay>,
     /// Most frequent direction of edges on the floor modulo 90 degrees, counter-clockwise from the direction ahead of
     /// the camera, in radians. `None` if no direction is frequent.
@@ -60,12 +60,12 @@ impl FloorScan {
     }
 }
 
-/// Returns colours of the image between the camera and the largest distance. Each sample represents an equal area of
-/// the floor.
+/// Returns colours of the pixels whose floor points are within the largest distance. Each sample represents an equal
+/// area of the floor; far areas have fewer samples.
 fn floor_samples(local: &LocalView, image: &LabImage, colours: &[[f32; 3]]) -> Vec<[f32; 3]> {
     /// Number of samples.
     const SAMPLES: f64 = 3000.0;
-    /// Distance above which the weight of a pixel is constant, in heights. Far areas are often not floor.
+    /// Distance above which the weight of a pixel is constant, in heights of the camera. Far areas are often not floor.
     const MAX_WEIGHTED: f64 = 2.5;
     let weight = |index: usize| {
         if !image.is_visible[index] {
@@ -111,13 +111,13 @@ impl FloorColour {
     fn new(samples: &[[f32; 3]]) -> Option<Self> {
         /// Every n-th sample is tried as the centre.
         const TRIED: usize = 20;
-        /// Radius for the search of the centre.
+        /// Radius around a tried centre in which samples are counted, in units of Lab with reduced lightness.
         const SEARCH_RADIUS: f32 = 6.0;
-        /// Radius of the samples that determine mean and covariance.
+        /// Radius of the samples that determine mean and covariance, in the same units.
         const RADIUS: f32 = 8.0;
         /// Number of rounds of the mean shift.
         const ROUNDS: usize = 5;
-        /// Variances that are added: shadows change the lightness, and lamps the hue.
+        /// Variances that are added to the covariance: shadows change the lightness, and lamps the hue.
         const ADDED_VARIANCES: [f32; 3] = [32.0, 2.0, 2.0];
         let vector = |colour: &[f32; 3]| Vector3::from(*colour);
         let near = |centre: Vector3<f32>, radius: f32| {
@@ -150,9 +150,10 @@ fn ray(
     is_floor: &dyn Fn(usize) -> bool,
     heading: f64,
 ) -> Option<FloorRay> {
-    /// Distance between two points of a ray, in heights.
+    /// Distance between two points of a ray, in heights of the camera.
     const STEP: f64 = 0.02;
-    /// Number of points that decide together. Thin lines on the floor do not end a ray.
+    /// Number of consecutive points whose share of floor decides whether a ray goes on. Thin lines on the floor do not
+    /// end a ray.
     const WINDOW: usize = 8;
     /// Smallest share of floor in the first window.
     const MIN_FIRST_SHARE: f64 = 0.85;
@@ -191,7 +192,8 @@ fn ray(
 fn edge_direction(view: &View, local: &LocalView) -> Option<f64> {
     /// Smallest length of an edge, as a fraction of the image width.
     const MIN_LENGTH: f64 = 0.02;
-    /// Cosine of the angle above which an edge points away from the camera. Vertical edges do.
+    /// Cosine of the angle between an edge and its direction from the camera, above which the edge is ignored. Vertical
+    /// edges of objects point away from the camera.
     const MAX_RADIAL: f64 = 0.97;
     let scale = f64::from(view.size_px[0]) / f64::from(view.image.width().max(1));
     let min_length = MIN_LENGTH * f64::from(view.image.width());
@@ -229,7 +231,7 @@ pub(crate) fn dominant_direction(directions: impl Iterator<Item = (f64, f64)>) -
         bins[bin] = (bins[bin].0 + weight, bins[bin].1 + weight * (place - bin as f64));
         total += weight;
     }
-    // Sum of the weights around a bin, and their mean distance from its start, in bins.
+    // Sum of the weights around a bin, and sum of their weighted distances from its start, in bins.
     let peak = |centre: usize| {
         let around =
             (0..=2 * REACH).map(|i| (i, bins[(centre + DIRECTION_BINS + i - REACH) % DIRECTION_BINS]));

@@ -15,8 +15,8 @@ use crate::registration::site_colours::{Level, SiteColours};
 
 /// Number of parameters of a camera: yaw, log height, x and y.
 const PARAMETERS: usize = 4;
-/// Factor of the damping after a step that decreases the score. A step that increases it has the inverse
-/// factor.
+/// Factor by which the damping increases after a step that decreases the score. A step that increases the
+/// score divides the damping by this factor.
 const DAMPING_FACTOR: f64 = 5.0;
 
 /// Score of a group of cameras, with its current poses.

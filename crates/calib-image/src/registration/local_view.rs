@@ -51,7 +51,8 @@ pub(crate) struct LocalView {
 
 impl LocalView {
     /// Creates the local view. `margin` is the width of the blurred rim of a fisheye image, in pixels.
-    /// Returns `None` if the camera has no positive height, or the image is too small or too narrow.
+    /// Returns `None` if the image is too small or too narrow. Also returns `None` if a value of the camera
+    /// is not finite, or the height or a focal length is not positive.
     pub(crate) fn new(view: &View, margin: f64) -> Option<Self> {
         let size = view.size_px.map(f64::from);
         let (w, h) = view.image.dimensions();

@@ -8,7 +8,7 @@ use crate::registration::relative_pose::RelativePose;
 /// Steps of the finite differences. Large steps smooth the score.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Steps {
-    /// Step of the position, in heights.
+    /// Step of the position, in heights of the second camera.
     pub(crate) shift: f64,
     /// Step of the yaw, in radians, and of the log of the height.
     pub(crate) turn: f64,
@@ -44,7 +44,7 @@ impl PairModel {
         };
         let centre = at(&[]);
         let [forward, back] = [1.0, -1.0].map(|sign| Vector4::from_fn(|i, _| at(&[(i, sign)])));
-        // Derivatives by the number of steps.
+        // Derivatives with respect to the numbers of steps.
         let gradient = 0.5 * (forward - back);
         let mut hessian = Matrix4::from_diagonal(&(forward + back).add_scalar(-2.0 * centre));
         for (i, j) in (0..4).flat_map(|i| (0..i).map(move |j| (i, j))) {
@@ -54,7 +54,7 @@ impl PairModel {
         }
         let mut eigen = SymmetricEigen::new(-hessian);
         eigen.eigenvalues.apply(|value| *value = value.abs());
-        // Derivatives of the numbers of steps by the parameters of the pose.
+        // Derivatives of the numbers of steps with respect to the parameters of the pose.
         let mut jacobian = Matrix4::identity();
         jacobian[(2, 0)] = -pivot * pose.yaw.cos();
         jacobian[(3, 0)] = -pivot * pose.yaw.sin();

@@ -21,7 +21,7 @@ use crate::registration::pattern_search::PatternSearch;
 use crate::registration::relative_pose::RelativePose;
 use crate::registration::site_colours::{CameraColours, Level};
 
-/// Share of hidden surfaces and of wrong colours.
+/// Assumed share `e` of outliers: items whose surface is hidden in the other image, or has another colour there.
 pub(crate) const OUTLIER_SHARE: f32 = 0.15;
 /// Largest height of a surface, in units of the geometric mean of the heights of both cameras.
 const MAX_SURFACE_HEIGHT: f64 = 0.45;
@@ -72,7 +72,7 @@ fn pivot_distance(camera: &CameraColours) -> f64 {
     if level < -z * MAX_DISTANCE { level / -z } else { MAX_DISTANCE }
 }
 
-/// Selects the items of both cameras, with weights of a common sum.
+/// Selects at most `count` items of each camera, and scales the weights of all items to a common sum.
 pub(crate) fn select_items([a, b]: [&CameraColours; 2], level: Level, count: usize) -> [Vec<Item>; 2] {
     let mut first = a.items(level).select(&b.background, count);
     let mut second = b.items(level).select(&a.background, count);
@@ -137,8 +137,8 @@ impl<'a> PairScore<'a> {
 }
 
 impl Side<'_> {
-    /// Returns the score of the items in the target camera, for a pose of their camera. `ratio` is the ratio
-    /// of the given heights.
+    /// Returns the score of the items in the target camera, for a pose of their camera. `ratio` is the given height
+    /// of their camera divided by the given height of the target camera.
     fn score(&self, pose: &RelativePose, ratio: f64) -> f64 {
         match self.level {
             Level::Medium => self.score_points::<12>(pose, ratio),

@@ -29,7 +29,7 @@ pub(crate) struct PlanObstacles {
 impl PlanObstacles {
     /// Finds the obstacles in the image of a plan. Returns `None` if the image shows no lines, or hardly any paper.
     pub(crate) fn new(image: &RgbImage, metres_per_px: f64) -> Option<Self> {
-        /// Largest share of ink.
+        /// Largest share of cells with ink.
         const MAX_INK: f64 = 0.5;
         let [width, height] = [image.width() as usize, image.height() as usize];
         let area_m2 = (width * height) as f64 * metres_per_px * metres_per_px;
@@ -66,8 +66,8 @@ impl PlanObstacles {
         self.size.map(|cells| cells as f64 * self.cell_m)
     }
 
-    /// Returns the distance from a point to the first obstacle in a direction (unit vector), at most `limit`, in metres.
-    /// Nothing is known outside the plan, and no obstacle is there.
+    /// Returns the distance from a point to the first obstacle in a direction (unit vector), at most `limit`, in
+    /// metres. The area outside the plan counts as free.
     pub(crate) fn range(&self, [x, y]: [f64; 2], [dx, dy]: [f64; 2], limit: f64) -> f64 {
         /// Largest number of steps of the sphere tracing.
         const MAX_STEPS: usize = 80;

@@ -27,7 +27,7 @@ use crate::registration::relative_pose::wrapped;
 
 /// Smallest probability of an accepted pose.
 const MIN_PROBABILITY: f64 = 0.95;
-/// Smallest score of an accepted pose.
+/// Smallest score of an accepted pose: the log likelihood relative to uniform distances.
 const MIN_SCORE: f64 = 2.0;
 /// Smallest number of rays that end at an obstacle, for an accepted pose.
 const MIN_BLOCKED: usize = 12;
@@ -116,7 +116,7 @@ struct PlanSearch<'a> {
     relative_sigma_m: f64,
 }
 
-/// Searches the place of a group of cameras on the plan. `scale_sigma` is the standard deviation of the log of their
+/// Searches for the pose of a group of cameras on the plan. `scale_sigma` is the standard deviation of the log of their
 /// heights. `progress` receives the completed fraction, 0 to 1, and returns `false` to cancel. Returns `None` if it was
 /// cancelled.
 pub(crate) fn locate(
@@ -188,8 +188,8 @@ impl<'a> PlanSearch<'a> {
         Self { plan, rays, origin, direction, scale_sigma, pose_sigmas: None, relative_sigma_m }
     }
 
-    /// Returns the cameras of the group at a pose, each refined near its pose in the group. The score of the pose becomes
-    /// the sum of their scores.
+    /// Returns the cameras of a group at a pose, each refined near its pose in the group. The new score of the pose is
+    /// the sum of the scores of the cameras, minus the cost of the pose under its prior.
     fn place_cameras(&self, cameras: &[ScannedCamera], pose: Pose) -> (Pose, Vec<Camera>) {
         /// Standard deviation of the log of the heights within a group.
         const HEIGHT_SIGMA: f64 = 0.05;
@@ -231,15 +231,16 @@ impl<'a> PlanSearch<'a> {
         (-count..=count).map(|index| f64::from(index) * STEP).collect()
     }
 
-    /// Returns the best poses on a grid, without poses that are close to a better one.
+    /// Returns the best poses on a grid, without poses that are close to a better one; `None` if the search was
+    /// cancelled.
     fn coarse_maxima(&self, progress: &mut dyn FnMut(f64) -> bool) -> Option<Vec<Pose>> {
         /// Number of rays in the coarse search.
         const RAYS: usize = 30;
         /// Smallest distance between two positions, in metres.
         const MIN_STEP_M: f64 = 0.3;
-        /// Largest number of rays over all poses.
+        /// Largest number of rays that are predicted for all poses together. It limits the number of positions.
         const MAX_WORK: f64 = 6e7;
-        /// Number of kept poses of one rotation and scale.
+        /// Number of the best positions that are compared further, for each rotation and scale.
         const KEPT: usize = 25;
         let (turns, scales) = (self.turns(), self.log_scales());
         let stride = self.rays.len().div_ceil(RAYS).max(1);
@@ -300,7 +301,7 @@ impl<'a> PlanSearch<'a> {
         })
     }
 
-    /// Returns the sum of the scores of rays.
+    /// Returns the sum of the scores of rays, divided by the number of rays that share their errors.
     fn rays_score<'r>(
         &self,
         rays: impl Iterator<Item = &'r GroupRay>,
@@ -331,8 +332,9 @@ impl<'a> PlanSearch<'a> {
     }
 }
 
-/// Returns the log likelihood ratio of the measured end of a ray, which is blocked or not, to uniform distances up to
-/// `span`. `added_sigma` is added to the standard deviation of a hit. All lengths are in metres.
+/// Returns the log likelihood of the measured end of a ray, relative to uniform distances up to `span`. `is_blocked` is
+/// whether an obstacle ends the ray. `added_sigma` is added to the standard deviation of a hit, in quadrature. All
+/// lengths are in metres.
 fn ray_score(measured: f64, predicted: f64, (is_blocked, span): (bool, f64), added_sigma: f64) -> f64 {
     /// Standard deviation of a hit: constant in metres, and relative to the distance.
     const HIT_SIGMA: [f64; 2] = [0.10, 0.04];

@@ -27,7 +27,7 @@ impl RelativePose {
     /// radians. Colours determine the length of the baseline least, so such poses belong to one ridge of the
     /// score.
     pub(crate) fn is_on_ridge(&self, other: &Self, tolerance: f64) -> bool {
-        /// Distance below which two positions are on one ridge, in heights.
+        /// Distance below which two positions are on one ridge, in heights of B.
         const NEAR: f64 = 0.25;
         let [p, q] = [self.at, other.at];
         let unit = |p: [f64; 2]| p.map(|c| c / p[0].hypot(p[1]).max(1e-9));

@@ -54,8 +54,8 @@ impl SearchedPlan {
         })
     }
 
-    /// Searches the place of a group of views. Returns the cameras in the frame of the site, or `None` if the search was
-    /// cancelled.
+    /// Searches for the pose of a group of views on the plan. Returns the cameras in the frame of the site, or why they
+    /// are not placed. Returns `None` if the search was cancelled.
     fn locate(
         &self,
         group: &[(usize, &Camera)],
@@ -91,7 +91,7 @@ pub struct SitePlacement {
     pub groups: Vec<Vec<usize>>,
     /// Decision about each pair of cameras.
     pub pairs: Vec<PairPlacement>,
-    /// Whether all cameras with an image are placed together, and no pair contradicts.
+    /// Whether all cameras with an image are placed together, and no pair contradicts the joint solution.
     pub is_complete: bool,
     /// Summary of the result, or the reason why cameras are not placed.
     pub reason: String,
@@ -107,7 +107,7 @@ pub struct CameraPlacement {
     pub height_m: Option<Known>,
     /// Whether the camera was already placed, and keeps its pose.
     pub is_kept: bool,
-    /// Index of the group of the camera.
+    /// Index of the group of the camera in [`SitePlacement::groups`]; `None` without a group.
     pub group: Option<usize>,
     /// Why the camera is not placed, or how accurate its placement is.
     pub reason: String,
@@ -491,14 +491,14 @@ fn is_accurate(height: Known) -> bool {
 
 /// Returns a height from the scale of the plan, in metres, rounded to millimetres.
 fn height_from_plan(height: f64) -> Known {
-    /// Relative standard deviation. It covers the errors of the visible floor, and of what is drawn on the plan.
+    /// Relative standard deviation. It covers the errors of the visible floor and of the lines on the plan.
     const SIGMA: f64 = 0.05;
     let [value, sigma] = [height, SIGMA * height].map(|metres| (1e3 * metres).round() / 1e3);
     Known::prior(value, sigma)
 }
 
-/// Whether a camera is already placed and keeps its pose. Only poses of an earlier search are estimated
-/// again: their placements are estimated, and have no scale.
+/// Whether a camera is already placed and keeps its pose. Only the pose of an earlier search is estimated again: an
+/// estimated placement without scale, fixed values and control points.
 fn is_kept(site: &Site, camera: usize) -> bool {
     let entry = &site.cameras[camera];
     let is_from_search = |own: &PlacementEntry| {
@@ -510,7 +510,8 @@ fn is_kept(site: &Site, camera: usize) -> bool {
     entry.is_placed() && !is_start_value
 }
 
-/// Returns whether all cameras with an image are placed in the same frame, and a summary of the result.
+/// Returns whether all cameras with an image are placed in the same frame, and a summary of the result. `against` is
+/// the number of pairs that contradict the joint solution.
 fn summary(site: &Site, cameras: &[CameraPlacement], has_plan: bool, against: usize) -> (bool, String) {
     let is_wanted = |index: &usize| site.owns_links(*index) && site.cameras[*index].image.is_some();
     let wanted: Vec<&CameraPlacement> =
@@ -559,7 +560,8 @@ fn group_frame(poses: &[(Camera, Camera)]) -> Option<Placement> {
     Some(Placement { by, turn, scale })
 }
 
-/// Returns the placement of a camera of a group with this frame.
+/// Returns the placement of a camera of a group with this frame. `sets_height` is whether the placement has a scale,
+/// which multiplies the height.
 fn placement_in(frame: &Placement, pose: &Camera, sets_height: bool) -> PlacementEntry {
     let entry = PlacementEntry::from(Placement::from_camera(&moved(pose, frame)));
     PlacementEntry { scale: entry.scale.filter(|_| sets_height), estimated: true, ..entry }

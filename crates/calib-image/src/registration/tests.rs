@@ -12,7 +12,7 @@ use crate::{PairDecision, PairRegistration, SiteColours, View, join, register, r
 
 const SIZE: [u32; 2] = [480, 270];
 
-/// Box on the floor, from two corners x and y, with its height, in metres, and its colour.
+/// Box on the floor: the corners with the smallest and the largest x and y, and the height, in metres; and the colour.
 struct Block {
     low: [f64; 2],
     high: [f64; 2],
@@ -116,7 +116,7 @@ fn two_views_of_a_scene_are_registered() {
     assert_eq!(result.groups, [vec![0, 1]]);
     let [first, second] = [0, 1].map(|index| result.cameras[index].unwrap());
     assert_eq!((first.position.x, first.position.y, first.yaw), (0.0, 0.0, given[0].yaw));
-    // The second camera in the frame of the first, where the first has its true pose.
+    // Position of the second camera relative to the first, rotated so that the first has its true yaw.
     let turn = truth[0].yaw - given[0].yaw;
     let (sin, cos) = turn.sin_cos();
     let at = [

@@ -27,7 +27,7 @@ pub(super) fn from_above(record: &Record<'_>) -> Affine {
         return Affine::IDENTITY;
     }
     let normal = [x, y, z].map(|value| value / length);
-    // Near the vertical, the x axis is y cross normal; elsewhere z cross normal.
+    // If the normal is near the vertical, the x axis is y cross normal; otherwise it is z cross normal.
     let is_near = normal[0].abs() < 1.0 / 64.0 && normal[1].abs() < 1.0 / 64.0;
     let right = cross(if is_near { [0.0, 1.0, 0.0] } else { [0.0, 0.0, 1.0] }, normal);
     let size = (right[0] * right[0] + right[1] * right[1] + right[2] * right[2]).sqrt();
@@ -129,7 +129,7 @@ pub(super) struct Vertex {
     pub(super) bulge: f64,
 }
 
-/// Returns the vertices of a light polyline.
+/// Returns the vertices of a lightweight polyline (LWPOLYLINE).
 pub(super) fn vertices(record: &Record<'_>) -> Vec<Vertex> {
     let mut vertices: Vec<Vertex> = Vec::new();
     for pair in record.pairs {
@@ -167,7 +167,7 @@ fn add_bulge(path: &mut BezPath, from: Vertex, to: Point) {
         path.line_to(to);
         return;
     }
-    // The centre lies on the bisector of the chord.
+    // The centre is on the bisector of the chord.
     let offset = (1.0 - bulge * bulge) / (4.0 * bulge);
     let center = from.at.midpoint(to) + Vec2::new(-chord.y, chord.x) * offset;
     let radius = (from.at - center).hypot();
@@ -176,7 +176,8 @@ fn add_bulge(path: &mut BezPath, from: Vertex, to: Point) {
     arc.to_cubic_beziers(TOLERANCE * radius, |a, b, c| path.curve_to(a, b, c));
 }
 
-/// Returns points on a rational B-spline by the algorithm of de Boor, or its fit points.
+/// Returns a polyline through points on a rational B-spline (algorithm of de Boor). If the control points and
+/// knots do not match, or are too many, returns a polyline through the fit points.
 pub(super) fn spline(record: &Record<'_>) -> Option<BezPath> {
     let degree = usize::try_from(record.integer(71)?).ok().filter(|degree| (1..=11).contains(degree))?;
     let (knots, weights) = (record.numbers(40), record.numbers(41));

@@ -10,7 +10,7 @@ use super::curves::{
 use super::pairs::Record;
 use super::tables::{BASE_LAYER, LayerEntry, Tables, decoded, indexed_colour, key, true_colour};
 
-/// Largest depth of blocks in blocks.
+/// Largest depth of nested blocks.
 const MAX_DEPTH: usize = 16;
 /// Largest number of visited pairs and copies of blocks. A block that contains others many times would otherwise
 /// never end.
@@ -24,7 +24,8 @@ const MAX_TEXT_LENGTH: usize = 200;
 /// Largest number of columns or rows of an array of blocks.
 const MAX_ARRAY: i64 = 1000;
 
-/// Layer and colour of a record. The lines of a block on layer 0 take both from the insertion of the block.
+/// Layer and colour of a record. A line of a block on layer 0 is on the layer of the insertion of the block. A
+/// line with the colour 0 has the colour of the insertion.
 #[derive(Clone, Copy)]
 struct Style<'a> {
     layer: &'a str,
@@ -43,9 +44,10 @@ pub(super) struct Stroke {
 #[derive(Clone, Debug)]
 pub(super) struct Label {
     pub(super) text: String,
-    /// Transform from the text's coordinates, with its baseline on the x axis and a height of capitals of 1.
+    /// Transform from the coordinates of the text to the drawing. The baseline is on the x axis, and capitals have
+    /// a height of 1.
     pub(super) placed: Affine,
-    /// Place of the point (0, 0) in the text: 0 left, 1 centre, 2 right.
+    /// Horizontal position of the point (0, 0) in the text: 0 left, 1 centre, 2 right.
     pub(super) anchor: u8,
     pub(super) colour: [u8; 3],
 }
@@ -77,7 +79,7 @@ pub(super) struct Model<'a> {
     pub(super) counts: BTreeMap<String, usize>,
     /// Types of records that are not drawn, and their number.
     pub(super) ignored: BTreeMap<String, usize>,
-    /// Whether a limit ended the drawing early.
+    /// Whether a limit was reached, so that a part of the drawing is missing.
     pub(super) is_cut: bool,
     /// Number of visited pairs and copies of blocks.
     work: usize,
@@ -125,7 +127,7 @@ impl<'a> Model<'a> {
             if !self.has_capacity(1 + record.pairs.len()) {
                 return;
             }
-            // The vertices of a polyline are records of their own, up to SEQEND.
+            // The vertices of a polyline are separate records, up to SEQEND.
             let parts = match record.kind {
                 "POLYLINE" => records[index..].iter().take_while(|part| part.kind == "VERTEX").count(),
                 _ => 0,
@@ -322,7 +324,7 @@ impl<'a> Model<'a> {
     }
 
     fn add_paragraphs(&mut self, record: &Record<'_>, at: Affine, style: Style<'_>) {
-        /// Distance of baselines divided by the height of capitals.
+        /// Distance between baselines divided by the height of capitals.
         const LINE_SPACING: f64 = 5.0 / 3.0;
         let (Some(place), Some(height)) = (point(record, [10, 20]), record.number(40)) else { return };
         let raw: String = record

@@ -24,7 +24,7 @@ const ROUND: [f64; 10] = [1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0];
 const CAPITAL_HEIGHT: f64 = 0.7;
 /// Smallest height of capitals that is drawn, in pixels.
 const MIN_CAPITALS: f64 = 4.0;
-/// Largest number of corners.
+/// Largest number of corners in the result.
 const MAX_CORNERS: usize = 100_000;
 
 /// Reads a drawing.
@@ -115,14 +115,14 @@ fn listed_layers(tables: &Tables<'_>, model: &Model<'_>) -> Vec<Layer> {
     keys.into_iter().map(layer).collect()
 }
 
-/// Returns the bounds of all lines, and the number of lines that are too far away to be part of the plan.
+/// Returns the bounds of the lines of the plan, and the number of distant lines, which are not in the bounds.
 ///
-/// Many drawings contain a forgotten line kilometres away, which would reduce the plan to a dot. Lines outside
-/// the bounds of the middle 98 % by more than ten times their size are distant.
+/// Many drawings contain a forgotten line kilometres away, which would reduce the plan to a dot. A line is
+/// distant if its distance from the bounds of the middle 98 % is more than ten times their size.
 fn bounds(boxes: &[Rect]) -> Option<(Rect, usize)> {
     const MIDDLE: f64 = 0.98;
     const DISTANT: f64 = 10.0;
-    /// Largest number of distant lines; in large drawings one of 500 lines.
+    /// Largest number of distant lines that are left out; in large drawings, one in 500 lines.
     const MAX_DISTANT: usize = 20;
     let quantile = |mut values: Vec<f64>, share: f64| {
         values.sort_unstable_by(f64::total_cmp);

@@ -112,7 +112,7 @@ impl<'a> Tables<'a> {
     }
 }
 
-/// Returns the name of a layer or block for comparison: names have no case.
+/// Returns the name of a layer or block in upper case, because names are compared without case.
 pub(super) fn key(name: &str) -> String {
     decoded(name.trim()).to_uppercase()
 }

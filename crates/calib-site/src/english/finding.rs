@@ -61,9 +61,9 @@ const EXCHANGE: &str = "Swap the pixels or the coordinates of the two points.";
 const NOT_INVERTIBLE: &str = "The distortion cannot be inverted in a corner of the image.";
 
 impl SentenceContext<'_> {
-    /// Returns the description of a finding, as sentences. Every finding has an arm here or in
-    /// [`Self::shared_message`] or [`lens`], and one in [`fixed_advice`], [`shared_advice`] or [`lens_advice`];
-    /// `tests.rs` finds empty texts.
+    /// Returns the description of a finding, as sentences. Every finding has an arm in this function, in
+    /// [`Self::shared_message`] or in [`lens`], and one in [`fixed_advice`], [`shared_advice`] or
+    /// [`lens_advice`]; `tests.rs` finds empty texts.
     fn message(&self, finding: &Finding) -> String {
         use Finding as F;
         match finding {
@@ -407,7 +407,7 @@ fn measure_length_advice(scale: f64) -> String {
     )
 }
 
-/// Describes the suggested annotation, or gives general advice if there is none.
+/// Describes the suggested annotation. Without a suggestion, returns general advice.
 fn next(suggestion: Option<Suggestion>) -> String {
     suggestion.map_or_else(
         || "Draw lines in other parts of the image and in other directions.".into(),
@@ -500,8 +500,8 @@ fn points_failure_text(failure: &Failure) -> [String; 2] {
     }
 }
 
-/// Describes a data sheet or a principal point that contradicts the lines, a principal point far from the image
-/// centre, or pixels that are probably not square. Empty for other findings.
+/// Returns the message of a finding about the data sheet, the principal point, the resolution or the pixels of a
+/// lens; empty for other findings.
 fn lens(finding: &Finding) -> String {
     let point = |at: &Pixel| format!("({:.0}, {:.0})", at.u, at.v);
     match finding {
