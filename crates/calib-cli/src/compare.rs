@@ -184,7 +184,7 @@ fn compare(
     let entry = &file.site.cameras[index];
     let not_calibrated = || {
         CommandError::Unsolved(format!(
-            "camera \"{}\" is not calibrated; calib solve reports the reason",
+            "camera \"{}\" is not calibrated; run calib solve to see the reason",
             entry.id
         ))
     };

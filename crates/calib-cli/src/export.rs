@@ -99,7 +99,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if !export.unsolved.is_empty() {
         let ids = export.unsolved.join(", ");
         let what = format!(
-            "cameras left out because they are not calibrated: {ids}; calib solve reports the reasons"
+            "cameras left out because they are not calibrated: {ids}; run calib solve to see the reasons"
         );
         return Err(CommandError::Unsolved(what));
     }

@@ -31,8 +31,10 @@ pub(crate) fn merge(file: SiteFile, imported: Site, replaces: bool) -> Result<Si
                 replace_camera(entry, camera, &path)?;
             }
             (Some(_), Some(_)) => {
-                let what =
-                    format!("camera \"{}\" has several periods; edit the right one by hand", camera.id);
+                let what = format!(
+                    "camera \"{}\" has several calibration periods; copy the imported values into the correct one",
+                    camera.id
+                );
                 return Err(CommandError::invalid(path, what));
             }
         }

@@ -68,7 +68,7 @@ pub(crate) fn camera_view(
     if sigma {
         let not_calibrated = || {
             CommandError::Unsolved(format!(
-                "camera \"{}\" is not calibrated; calib solve reports the reason",
+                "camera \"{}\" is not calibrated; run calib solve to see the reason",
                 entry.id
             ))
         };

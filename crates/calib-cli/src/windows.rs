@@ -120,7 +120,7 @@ fn lens_and_focal(entry: &SiteCamera) -> Result<(Lens, f64), CommandError> {
     let own = (lens.distortion != Distortion::None).then_some(lens.focal);
     let focal = entry.solution.as_ref().map(|solution| solution.focal_px).or(own);
     let unknown =
-        || format!("the focal length of camera \"{}\" is unknown; calib solve reports the reason", entry.id);
+        || format!("the focal length of camera \"{}\" is unknown; run calib solve to see the reason", entry.id);
     Ok((lens, focal.ok_or_else(|| CommandError::Unsolved(unknown()))?))
 }
 

@@ -188,7 +188,7 @@ commands! {
     /// Commands on annotations.
     Lines {
         NewGroup "Start a new group with the next line" NONE W;
-        RightAngle "Set the last two groups of parallel lines at right angles to each other";
+        RightAngle "Mark the last two groups of lines as perpendicular, or undo this";
         TakeSuggestion "Select the tool for the suggested line" [Suggestion] NONE N;
         DismissSuggestion "Show another suggestion" [Suggestion] SHIFT N;
         TakeSecondSolution "Use the focal length of the second solution" [SecondSolution];

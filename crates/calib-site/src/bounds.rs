@@ -197,7 +197,7 @@ pub(crate) fn known(at: &At, known: Option<&Known>, bounds: Bounds) -> Checked {
     optional(&at.key("sigma"), known.sigma, Bounds::POSITIVE)?;
     match (known.fixed, known.sigma) {
         (true, Some(_)) => {
-            at.expected("both \"fixed\": true and a sigma", "only one of them: a fixed value, or a prior")
+            at.expected("both \"fixed\": true and \"sigma\"", "only one of them: a fixed value, or a prior")
         }
         (false, None) => at.expected(
             "a value without \"fixed\" or \"sigma\"",

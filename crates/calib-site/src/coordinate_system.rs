@@ -54,7 +54,7 @@ impl fmt::Display for CoordinateSystemError {
             Self::Unknown => "the code of a projected grid; see epsg.io",
             #[cfg(not(feature = "epsg"))]
             Self::Unknown => {
-                "the code of UTM or of a common national grid; the installed programs support all codes of epsg.io"
+                "the EPSG code of a UTM zone or a common national grid; the app, the command line and Python support more"
             }
             Self::Geographic => {
                 "a projected grid; this system has latitude and longitude, for \"lat_deg\" and \"lon_deg\""

@@ -131,7 +131,7 @@ fn disagreement_ui(app: &mut App, ui: &mut Ui, worst: &Agreement) {
             icons::inline(ui, Icon::Warn, palette.warn);
             ui.vertical(|ui| {
                 ui.label(RichText::new(format!("{id} disagrees by {apart}")).font(theme::medium(12.0)));
-                let way = "This is more than the uncertainty of the cameras explains. Move one of them, \
+                let way = "The difference is larger than the uncertainty of the cameras. Move one of them on the plan, \
                            or link another corner that both see.";
                 ui.label(RichText::new(way).color(palette.text2));
                 ui.horizontal(|ui| {

@@ -1,11 +1,8 @@
 //! Panel of stage 2: the numbers of the placement, and scale and opacity of the plan.
 
 use calib_core::Placement;
-
 use calib_core::floor::STAGE_1_HEIGHT;
-
 use calib_core::single::Known;
-
 use calib_editor::{Action, PlacementNumber, Units};
 use calib_site::{Sigmas, Solution};
 use egui::{Align, DragValue, Layout, RichText, Ui};
@@ -13,6 +10,7 @@ use egui::{Align, DragValue, Layout, RichText, Ui};
 use crate::annotate::result::{Number, TOP, held_at, lock, orientation_row};
 use crate::command::Command;
 use crate::focus::{self, RequestedField};
+use crate::keys;
 use crate::plan::drawing_fields;
 use crate::state::App;
 use crate::theme;
@@ -303,8 +301,8 @@ fn scale_fields(app: &mut App, ui: &mut Ui) {
             }
         });
     } else {
-        let text = "Press A, click two points and enter the distance between them.";
-        ui.label(RichText::new(text).small().color(palette.text3));
+        let text = "To set the scale, click two points with the Measure tool (A) and enter their distance.";
+        ui.label(RichText::new(keys::shown(ui.ctx(), text)).small().color(palette.text3));
     }
     ui.horizontal(|ui| {
         let label = ui.label(RichText::new("Angle of the x axis").color(palette.text2));

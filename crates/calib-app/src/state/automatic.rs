@@ -254,7 +254,7 @@ impl App {
                 report.set_calibration(&of, calibration.confidence, reasons.join("; "));
                 usable.push((of, calibration));
             } else {
-                let why = "the camera was changed during the calibration".into();
+                let why = "its image or lines were changed during the calibration; calibrate it again".into();
                 report.set_calibration(&of, Confidence::None, why);
             }
         }

@@ -135,7 +135,7 @@ enum Frame {
     OnPlan,
     /// The group determines the frame of the site.
     Own,
-    /// Unknown: several places on the plan agree with the visible floor.
+    /// Unknown: several places on the plan match the visible floor.
     Ambiguous,
     /// Unknown.
     Unknown,
@@ -162,7 +162,7 @@ impl Frame {
                  half a metre"
             ),
             Self::Ambiguous => format!(
-                "its pose relative to {others} is known, but their visible floor agrees with several places on the plan; \
+                "its pose relative to {others} is known, but their visible floor matches several places on the plan; \
                  place one of these cameras by hand"
             ),
             Self::Unknown => format!(
@@ -179,11 +179,11 @@ impl Frame {
                 "it was placed on the plan by its visible floor; the position can be wrong by half a metre"
             }
             Self::Ambiguous => {
-                "its visible floor agrees with several places on the plan; place the camera by hand, or click control \
+                "its visible floor matches several places on the plan; place the camera by hand, or click control \
                  points"
             }
             _ => {
-                "its visible floor agrees with no place on the plan, and no other image clearly shows the same part of the \
+                "its visible floor matches no place on the plan, and no other image clearly shows the same part of the \
                  scene; place the camera by hand, or click control points"
             }
         }
@@ -461,7 +461,7 @@ fn not_found(view: usize, registration: &SiteRegistration) -> &'static str {
     let is_ambiguous =
         |pair: &PairRegistration| pair.decision == PairDecision::Ambiguous && pair.views.contains(&view);
     if registration.pairs.iter().any(is_ambiguous) {
-        "several poses agree with the colours of another image; link points, or place the camera by hand"
+        "several poses match the colours of another image; link points, or place the camera by hand"
     } else {
         "no other image clearly shows the same part of the scene; link points, or place the camera by hand"
     }
