@@ -61,8 +61,8 @@ pub(crate) struct ImageArgs {
 }
 
 impl SiteArgs {
-    /// Reads, checks and solves the site, and warns about outdated solutions. Cameras that are not valid at
-    /// the time are left out.
+    /// Reads, checks and solves the site, and warns about outdated solutions. Cameras that are not valid at the time
+    /// of `--at` are left out.
     pub(crate) fn read(&self) -> Result<SiteFile, CommandError> {
         let file = self.read_without_warnings()?;
         file.warn_out_of_date();
@@ -129,8 +129,8 @@ impl OutputArgs {
         picture::is_jpeg_name(&self.output)
     }
 
-    /// Returns the path of one of several output files: the output path with `-name` before its extension. An
-    /// empty name returns the output path.
+    /// Returns the path of one of several output files: the output path with `-name` before its extension. For an
+    /// empty name, returns the output path.
     pub(crate) fn path_for(&self, name: &str) -> String {
         let path = Path::new(&self.output);
         let (stem, extension) = (path.file_stem(), path.extension());

@@ -219,8 +219,8 @@ fn as_json(
     value
 }
 
-/// Returns the reasons why the positions of the cameras in the site are not reliable. `most` is the allowed
-/// distance on the floor between the positions of one link from two cameras, in metres.
+/// Returns the reasons why the positions of the cameras in the site are not reliable. `most` is the allowed RMS
+/// distance, in metres, between the floor positions of shared links and marks from two cameras.
 fn site_faults(file: &SiteFile, most: f64, allow: &[Code]) -> Vec<String> {
     let solution = file.site.solution.as_ref();
     let overlaps = solution.map_or(&[][..], |solution| &solution.overlaps[..]);

@@ -223,7 +223,7 @@ fn size_mismatch(path: &Path, entry: &SiteCamera, error: SizeMismatchError) -> C
 }
 
 fn report(args: &Args, compared: &[CameraComparison]) -> Result<(), CommandError> {
-    // With the site on stdout, the report goes to stderr.
+    // With the site on stdout, a text report goes to stderr, and a JSON report is omitted.
     let to_stdout = args.output.as_deref() == Some("-");
     match args.format {
         Format::Text if to_stdout => print_message(text(compared)),
@@ -377,8 +377,8 @@ fn draw_dot(image: &mut RgbImage, at: Pixel, colour: Rgb<u8>) {
     }
 }
 
-/// Writes the site with all changed cameras recovered. A camera that cannot be recovered stays unchanged and
-/// is reported.
+/// Writes the site with all changed cameras recovered. A camera that cannot be recovered stays unchanged and is
+/// reported. If no camera is recovered, no file is written.
 pub(crate) fn write_recovered(
     file: &SiteFile,
     compared: &[CameraComparison],

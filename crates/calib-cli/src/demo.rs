@@ -100,7 +100,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     crate::solve::check_all_solved(&cameras)
 }
 
-/// Writes images of one month later, named by camera and time.
+/// Writes the images from one month later, named by camera and time.
 fn write_later(demo: &DemoSite, folder: &Path, progress: &ProgressBar) -> Result<(), CommandError> {
     let later = folder.join("later");
     std::fs::create_dir_all(&later).with_context(|| format!("cannot create {}", later.display()))?;
@@ -115,7 +115,7 @@ fn write_later(demo: &DemoSite, folder: &Path, progress: &ProgressBar) -> Result
     Ok(())
 }
 
-/// Creates the folder, or accepts one that this command wrote before.
+/// Creates the folder with a marker file. Without `force`, an existing folder must be empty or have the marker file.
 fn prepare_folder(folder: &Path, force: bool) -> Result<(), CommandError> {
     let ours = folder.join(MARKER_FILE);
     let is_empty = std::fs::read_dir(folder).map_or(true, |mut entries| entries.next().is_none());
@@ -255,7 +255,8 @@ impl Errors {
     }
 }
 
-/// Formats every error against ground truth. Standard deviations are missing for cameras placed by hand.
+/// Formats the errors of all cameras against ground truth. A text report also contains the largest residuals of links
+/// and marks. Standard deviations are missing for cameras that are placed by hand or fixed as reference.
 fn comparison(demo: &DemoSite, solved: &Site, format: Format) -> String {
     let cameras = || {
         let pairs = solved.cameras.iter().zip(&demo.truth);

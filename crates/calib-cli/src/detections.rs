@@ -178,7 +178,7 @@ impl Detections {
             if rows <= skip {
                 continue;
             }
-            // The start of this batch was already processed by an earlier run.
+            // Number of rows at the start of this batch that an earlier run already processed.
             let old = (skip + count).saturating_sub(rows).min(count) as usize;
             let batch = batch.slice(old, batch.num_rows() - old);
             let row_name = |row: usize| self.source.row_name(row + old);
@@ -200,7 +200,7 @@ impl Detections {
         Ok(())
     }
 
-    /// Returns the name of each camera period.
+    /// Returns the camera id of each period; an id repeats if its camera has several periods.
     pub(crate) fn names(&self) -> Vec<String> {
         self.calibrations.cameras().map(|camera| camera.id.to_owned()).collect()
     }

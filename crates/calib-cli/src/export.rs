@@ -48,7 +48,7 @@ pub(crate) struct Args {
     force: bool,
 }
 
-/// Lists the format names with descriptions, for the help.
+/// Returns a parser for the names of the formats that `which` accepts; the help lists them with descriptions.
 pub(crate) fn formats(which: fn(&Format) -> bool) -> PossibleValuesParser {
     let known = FORMATS.iter().filter(|format| which(format));
     PossibleValuesParser::new(known.map(|format| PossibleValue::new(format.name).help(format.about)))

@@ -50,8 +50,8 @@ pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), CommandE
     write_through(path, true, |mut file| Ok(file.write_all(bytes)?))
 }
 
-/// Writes a file as [`write()`] does, through a callback. Without `force` the file is created in one step: if
-/// several runs write the same file, only one succeeds.
+/// Writes a complete file or nothing; `fill` writes the content. A pipe or a device is written directly. Without
+/// `force` the file is created in one step: if several runs write the same file, only one succeeds.
 pub(crate) fn write_through(
     path: &Path,
     force: bool,
@@ -64,7 +64,7 @@ pub(crate) fn write_through(
     }
     let target = resolve_output(path, force)?;
     let part = PartialFile::new_for(&target).with_context(writing)?;
-    // The message of an error, such as a full disk, contains the name of this file.
+    // An error, such as a full disk, is reported with the path of the output file.
     fill(part.file()).map_err(|error| error.add_context(writing))?;
     part.persist(&target, force).map_err(|error| match error.kind() {
         std::io::ErrorKind::AlreadyExists if !force => exists_error(path),

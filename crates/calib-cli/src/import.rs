@@ -14,8 +14,8 @@ use crate::files::print_message;
 use crate::site_file::SiteFile;
 use crate::stop::CommandError;
 
-/// Merges imported cameras and plan into a site. If some exist in the site already, they are replaced if
-/// `replaces` is set; otherwise, the function fails.
+/// Merges imported cameras, plan and ground points into a site. Existing cameras and an existing plan are replaced if
+/// `replaces` is set; otherwise, the merge fails.
 pub(crate) fn merge(file: SiteFile, imported: Site, replaces: bool) -> Result<Site, CommandError> {
     let SiteFile { mut site, path, .. } = file;
     let (mut added, mut replaced) = (Vec::new(), Vec::new());
@@ -58,7 +58,7 @@ pub(crate) fn merge(file: SiteFile, imported: Site, replaces: bool) -> Result<Si
     Ok(site)
 }
 
-/// Adds the ground points, and replaces points with the same id.
+/// Adds the ground points, and replaces points with the same id. Refuses points in a grid other than the site's grid.
 fn merge_ground_points(
     site: &mut Site,
     points: Vec<GroundPoint>,
@@ -114,7 +114,8 @@ fn replace_camera(entry: &mut SiteCamera, camera: SiteCamera, path: &str) -> Res
     Ok(())
 }
 
-/// Keeps the existing image of the plan, because a world file does not prove that its image exists.
+/// Returns the imported plan with the existing image, page and layers. A world file does not prove that its image
+/// exists. The existing georeference is kept if the imported plan has none.
 fn keep_plan_image(plan: Plan, existing: Option<Plan>) -> Plan {
     let Some(existing) = existing else { return plan };
     Plan {
@@ -128,7 +129,7 @@ fn keep_plan_image(plan: Plan, existing: Option<Plan>) -> Plan {
 
 /// Largest accepted total size of the files of a folder, in bytes.
 const MAX_FOLDER_BYTES: usize = 512 << 20;
-/// Largest accepted depth of nested folders.
+/// Largest depth of nested folders that are searched; deeper folders are ignored.
 const MAX_DEPTH: usize = 4;
 
 /// Arguments of `calib import`.

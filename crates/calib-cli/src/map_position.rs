@@ -92,8 +92,8 @@ impl PlanFile {
         Ok(Self { path: image, bytes, position: None, overlay: Some(text) })
     }
 
-    /// Returns the position on the map of the plan image, which has this size in pixels after its width and height
-    /// were divided by `reduction`. `crs` is used if the files contain no coordinate system.
+    /// Returns the position on the map of the plan image, which has `size` pixels after its width and height were
+    /// divided by `reduction`. `crs` is used if the files contain no coordinate system.
     pub(crate) fn position(
         &self,
         (size, reduction): ([u32; 2], u32),

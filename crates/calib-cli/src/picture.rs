@@ -34,7 +34,7 @@ pub(crate) fn encode(image: &RgbImage, name: &str) -> Result<Vec<u8>, CommandErr
     if is_jpeg_name(name)? { jpeg(image) } else { png(image) }
 }
 
-/// Encodes an image as JPEG, in a quality that preserves lines.
+/// Encodes an image as JPEG, with a quality that preserves lines.
 pub(crate) fn jpeg(image: &RgbImage) -> Result<Vec<u8>, CommandError> {
     /// JPEG quality, from 1 to 100.
     const QUALITY: u8 = 88;

@@ -9,8 +9,8 @@ use crate::files::ThreadsArgs;
 use crate::progress::Pulse;
 use crate::stop::CommandError;
 
-/// Places the calibrated cameras of a site, also on the image of its plan. `read` returns the image of a camera by its
-/// index in the site.
+/// Places the calibrated cameras of a site relative to each other and, if `plan` is given, on this image of the floor
+/// plan. `read` returns the image of a camera by its index in the site.
 pub(crate) fn place(
     site: &Site,
     threads: ThreadsArgs,

@@ -172,7 +172,7 @@ impl ReadPlan {
     }
 }
 
-/// Reads the plan for a site without other content: its entry, with a path relative to the file `output`, and its image.
+/// Reads a plan for a new site. Returns its entry, with an image path relative to the file `output`, and its image.
 pub(crate) fn read_entry(
     name: &str,
     args: &DrawingArgs,

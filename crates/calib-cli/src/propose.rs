@@ -231,7 +231,7 @@ fn camera(result: &ImageCalibration, id: String, output: &str) -> SiteCamera {
     }
     if result.image_circle.is_some() {
         let lens = camera.lens.get_or_insert_default();
-        // The circle's centre is the principal point unless the fitted lens has one.
+        // The entry needs no principal point: without one, the centre of the image circle is used.
         (lens.image_circle_px, lens.principal_point_px) = (result.image_circle, None);
     }
     SiteCamera { id, image: Some(path_relative_to_file(&result.path, output)), ..camera }
@@ -267,7 +267,7 @@ fn draw(site: &Site, results: &[ImageCalibration], folder: &Path, force: bool) -
     Ok(())
 }
 
-/// Prints the report; to stderr if the site goes to stdout.
+/// Prints the report. If the site goes to stdout, a text report goes to stderr, and a JSON report is omitted.
 fn report(
     args: &Args,
     site: &Site,

@@ -23,7 +23,8 @@ pub(crate) struct SiteFile {
     pub(crate) site: Site,
     pub(crate) path: String,
     folder: PathBuf,
-    /// Whether images outside that folder may be read. `None` if they may not and the command has no option for it.
+    /// Whether images outside `folder` may be read. `None` if they must not be read, and the command has no option to
+    /// allow it.
     allows_outside: Option<bool>,
     /// SHA-256 of the file, in hexadecimal digits.
     pub(crate) sha256: String,
@@ -50,7 +51,7 @@ impl SiteFile {
         let text = calib_input::json_document(bytes).map_err(|why| CommandError::invalid(path, why))?;
         let folder = Path::new(path).parent().unwrap_or(Path::new("")).to_owned();
         let file = Self { site: Site::new(), path: path.to_owned(), folder, allows_outside, sha256 };
-        // If the drawing cannot be read, its error is reported, because it causes the missing scale.
+        // If the drawing cannot be read, this error is reported instead of the missing scale that it causes.
         let mut failed = None;
         let site = Site::from_json_with_drawing(&text, |plan| {
             file.drawing(plan)
@@ -175,7 +176,7 @@ impl SiteFile {
         Self { site: self.with_paths_relative_to(&self.site, file), ..self }
     }
 
-    /// Returns the bytes of an image of this site: a path relative to the site file, or a `data:` URI.
+    /// Returns the bytes of an image of this site. `image` is a path relative to the site file, or a `data:` URI.
     pub(crate) fn image_bytes(&self, image: &str) -> Result<Vec<u8>, CommandError> {
         if let Some(data) = image.strip_prefix("data:") {
             let (_, encoded) = data.split_once(";base64,").ok_or_else(|| {
@@ -199,9 +200,9 @@ impl SiteFile {
             .map_err(|error| CommandError::invalid(path.display(), error))
     }
 
-    /// Returns the reason why an image of the site must not be read: it is missing, or its real path is
-    /// outside the site's folder. Without this check, the output for an untrusted site file could contain any image
-    /// of this machine.
+    /// Returns the reason why an image of the site must not be read: it is missing, or its real path is outside the
+    /// site's folder and `allows_outside` is not set. Without this check, the output for an untrusted site file could
+    /// contain any image of this machine.
     fn unreadable_reason(&self, image: &str) -> Option<String> {
         if image.starts_with("data:") {
             return None;

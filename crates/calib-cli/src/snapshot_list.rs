@@ -23,7 +23,7 @@ use crate::stop::CommandError;
 
 /// Largest size of the list, in bytes.
 const MAX_BYTES: u64 = 1 << 20;
-/// Number of cameras that are read at the same time. Cameras answer slowly, and snapshots are small.
+/// Maximum number of cameras that are read at the same time. Cameras answer slowly, and snapshots are small.
 const MAX_PARALLEL: usize = 8;
 
 /// List of cameras.

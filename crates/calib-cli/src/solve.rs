@@ -204,7 +204,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     let cameras: Vec<&SiteCamera> = reports.iter().map(|report| report.camera).collect();
     let to_stdout = args.output.as_deref() == Some("-");
     match args.format {
-        // With the site on stdout, the report goes to stderr.
+        // With the site on stdout, a text report goes to stderr, and a JSON report is omitted.
         Format::Text if to_stdout => files::print_message(text(&solved, &reports)),
         Format::Text => files::print(&text(&solved, &reports))?,
         Format::Json if to_stdout => {}
@@ -364,7 +364,7 @@ fn write_unsolved(out: &mut String, width: usize, camera: &SiteCamera, failure: 
     let _ = writeln!(out, "{:width$}  not solved: {} {}", camera.id, failure.message, failure.advice);
 }
 
-/// Writes the warnings and the advice for a camera.
+/// Writes the residuals of the control points, the warnings and the advice for a camera.
 fn write_remarks(out: &mut String, camera: &SiteCamera, solution: &Solution, findings: &[Finding]) {
     let worst = worst_control_point(camera, &solution.residuals);
     if solution.warnings.is_empty() && worst.is_none() && solution.draw_next.is_none() {
@@ -384,8 +384,8 @@ fn write_remarks(out: &mut String, camera: &SiteCamera, solution: &Solution, fin
     }
 }
 
-/// Returns the RMS and the largest residual of the control points, in pixels, and the number of used control
-/// points.
+/// Returns the RMS and the largest residual of the used control points, in pixels, and their number; `None` if no
+/// control point is used.
 fn worst_control_point(camera: &SiteCamera, residuals: &[Residual]) -> Option<(f64, f64, usize)> {
     let off = camera.control_points.iter().enumerate().filter(|(_, point)| point.off);
     let off: Vec<String> = off.map(|(index, point)| point.label(index)).collect();

@@ -15,7 +15,7 @@ pub(crate) enum CommandError {
     Usage(String),
     /// Invalid input: exit code 3.
     Invalid(String),
-    /// Unsolved camera or failed quality gate; results are written: exit code 4.
+    /// Unsolved or changed camera, or failed quality gate: exit code 4. Results may have been written.
     Unsolved(String),
     /// Export refused because the format loses data: exit code 5.
     Lossy(String),

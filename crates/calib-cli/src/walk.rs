@@ -77,7 +77,7 @@ struct Limits {
     min_walked: f64,
 }
 
-/// Minimum number of times when two or more cameras detect the person.
+/// Minimum number of moments at which two or more cameras detect the person; with fewer, the walk test fails.
 const MIN_MOMENTS: usize = 20;
 
 /// Result of a walk test, with the reasons why it fails.
@@ -110,8 +110,11 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
 }
 
 impl Limits {
-    /// Refuses limits that are not positive.
+    /// Refuses distances that are not positive, and fractions outside 0 to 1.
     fn check(&self) -> Result<(), CommandError> {
+        if !(0.0..=1.0).contains(&self.min_walked) {
+            return Err(CommandError::Usage("--min-walked: expected a number from 0 to 1".into()));
+        }
         if self.zone_m > 0.0 && self.max_error_m > 0.0 {
             return Ok(());
         }

@@ -81,7 +81,7 @@ impl WindowArgs {
         !self.look.is_empty() || self.quadrants || self.panorama
     }
 
-    /// Refuses arguments that have no effect.
+    /// Refuses arguments that have no effect because no view is requested.
     pub(crate) fn check(&self) -> Result<(), CommandError> {
         let alone =
             [("--mount", self.mount.is_some()), ("--size", self.size.is_some()), ("--remap", self.remap)];
@@ -119,8 +119,9 @@ fn lens_and_focal(entry: &SiteCamera) -> Result<(Lens, f64), CommandError> {
     let lens = camera_lens(entry);
     let own = (lens.distortion != Distortion::None).then_some(lens.focal);
     let focal = entry.solution.as_ref().map(|solution| solution.focal_px).or(own);
-    let unknown =
-        || format!("the focal length of camera \"{}\" is unknown; run calib solve to see the reason", entry.id);
+    let unknown = || {
+        format!("the focal length of camera \"{}\" is unknown; run calib solve to see the reason", entry.id)
+    };
     Ok((lens, focal.ok_or_else(|| CommandError::Unsolved(unknown()))?))
 }
 

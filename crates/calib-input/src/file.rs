@@ -61,7 +61,7 @@ fn describe_text(text: &str) -> Option<&'static str> {
         Some('[') => Some("a JSON list"),
         Some('<') => Some("XML or HTML"),
         _ if [',', ';', '\t'].iter().any(|&separator| first.contains(separator)) => Some("a table (CSV)"),
-        _ => Some("other text"),
+        _ => Some("plain text"),
     }
 }
 
@@ -202,7 +202,7 @@ mod tests {
             (b"[{}]", "a JSON list"),
             (b"", "empty"),
             (b"\xc3\x28", "not text"),
-            (b"hello", "other text"),
+            (b"hello", "plain text"),
         ];
         for (bytes, what) in others {
             let message = json_document(bytes.to_vec()).unwrap_err().to_string();

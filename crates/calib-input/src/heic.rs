@@ -61,7 +61,7 @@ fn check_sizes(bytes: &[u8], info: &ImageInfo) -> Result<(), Error> {
 /// Runs a part of the decoder; a panic becomes an error of the file.
 fn without_panic<T>(read: impl FnOnce() -> Result<T, Error>) -> ImageResult<T> {
     let found = catch_unwind(AssertUnwindSafe(read));
-    found.unwrap_or(Err(Error::Malformed("its data contradict each other"))).map_err(|error| {
+    found.unwrap_or(Err(Error::Malformed("its data are inconsistent"))).map_err(|error| {
         ImageError::Decoding(DecodingError::new(ImageFormatHint::Name("HEIC".into()), error.to_string()))
     })
 }

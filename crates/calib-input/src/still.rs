@@ -129,7 +129,7 @@ impl fmt::Display for ImageFileError {
             Self::Broken(ImageError::Limits(_)) => write!(
                 f,
                 "the metadata of the image, such as its colour profile, exceeds {} MiB; save the image \
-                 without it",
+                 without metadata",
                 MAX_METADATA_BYTES >> 20
             ),
             Self::Broken(error) => write!(f, "not a complete image: {error}"),

@@ -82,7 +82,7 @@ def test_a_camera_that_cannot_be_solved_has_a_reason() -> None:
     solved = calib.Site(calib.site_document([entry])).calibrate()
     assert {found.camera for found in solved.findings} == {"door"}
     assert solved.findings[-1].severity == "error"
-    with pytest.raises(calib.CalibError, match="only a calibrated lens"):
+    with pytest.raises(calib.CalibError, match="only the lens is calibrated"):
         solved.camera("door")
 
 

@@ -63,7 +63,7 @@ impl CoveragePage<'_> {
         let _ = writeln!(html, "<figure>{figure}</figure>");
         html.push_str(
             "<p class=dim>The pixel density is the number of pixels that show one metre of a person or object. \
-             At \u{201c}recognise\u{201d}, for example, an operator recognises a known person. ",
+             At \u{201c}recognise\u{201d}, for example, an operator can recognise a known person. ",
         );
         html.push_str(match self.coverage.limits == LevelLimits::default() {
             true => "The levels follow EN 62676-4.</p>\n",

@@ -167,7 +167,8 @@ pub(crate) fn name(at: &At, text: Option<&String>) -> Checked {
         return at.expected("an empty text", "at least one character");
     }
     if text.len() > MAX_NAME_BYTES {
-        return at.expected(format!("{} bytes", text.len()), format!("at most {MAX_NAME_BYTES}"));
+        let found = format!("a text of {} bytes", text.len());
+        return at.expected(found, format!("at most {MAX_NAME_BYTES} bytes"));
     }
     Ok(())
 }

@@ -378,7 +378,8 @@ fn check_annotation(at: &At, annotation: &Annotation) -> Checked {
     let row = annotation.kind.row();
     for (key, is_there, belongs) in annotation.fields() {
         if is_there && belongs == FieldUse::Never {
-            return at.key(key).expected(format!("{key:?}"), format!("only fields of kind {:?}", row.name));
+            let expected = format!("only fields of annotations of kind {:?}", row.name);
+            return at.key(key).expected(format!("{key:?}"), expected);
         }
         if !is_there && belongs == FieldUse::Always {
             return at.expected(format!("{} without {key:?}", row.name), format!("{key:?}"));

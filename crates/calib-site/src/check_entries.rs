@@ -321,7 +321,9 @@ fn check_mark(at: &At, mark: &Mark, cameras: &HashSet<&str>, site: &Site) -> Che
             return at.key("camera").expected(quoted(&seen.camera), "the id of a camera of this site");
         }
         if shape.point(&seen.point).is_none() {
-            return at.key("point").expected(quoted(&seen.point), "the name of a point of this kind of mark");
+            return at
+                .key("point")
+                .expected(quoted(&seen.point), "the name of a point that this kind of mark has");
         }
         Bounds::COORDINATE.check_all(&at.key("px"), &<[f64; 2]>::from(seen.px))?;
     }
@@ -361,8 +363,10 @@ pub(crate) fn check_solution(at: &At, solution: &Solution) -> Checked {
     ];
     for (key, is_there) in pose {
         if !is_there && solution.stage != Stage::Lens {
-            return at
-                .expected(format!("no {key:?}"), "a complete pose, which every stage except \"lens\" has");
+            return at.expected(
+                format!("no {key:?}"),
+                "a complete pose, which every stage except \"lens\" requires",
+            );
         }
     }
     if let Some(position) = solution.position_m {
@@ -437,7 +441,8 @@ pub(crate) fn check_distortion(at: &At, entry: &DistortionEntry, focal: Option<f
         for (i, wanted) in fit.iter().enumerate() {
             if !own.contains(wanted) || fit[..i].contains(wanted) {
                 let found = quoted(wanted.name());
-                return at.key("fit").index(i).expected(found, "coefficients of this model, each once");
+                let expected = "coefficients of this model, each at most once";
+                return at.key("fit").index(i).expected(found, expected);
             }
         }
     }

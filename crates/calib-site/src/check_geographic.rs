@@ -75,7 +75,7 @@ pub(crate) fn check_geographic(
     if !position.is_entered() {
         return match position.alt_m {
             Some(_) => {
-                let expected = "\"lat_deg\" and \"lon_deg\", or \"crs_m\", too";
+                let expected = "\"alt_m\" together with \"lat_deg\" and \"lon_deg\", or with \"crs_m\"";
                 at.key("alt_m").expected("\"alt_m\" alone", expected)
             }
             None => Ok(()),
@@ -109,7 +109,8 @@ fn check_position(at: &At, position: &SurveyedPosition, site: &Site) -> Checked 
         let at = at.key("crs_m");
         Bounds::COORDINATE.check_all(&at, &grid)?;
         if position.lat_deg.is_some() || position.lon_deg.is_some() {
-            return at.expected("both \"crs_m\" and \"lat_deg\" or \"lon_deg\"", "only one of them");
+            let expected = "either \"crs_m\", or \"lat_deg\" and \"lon_deg\"";
+            return at.expected("\"crs_m\" together with \"lat_deg\" or \"lon_deg\"", expected);
         }
         let system = site.coordinate_system();
         if system.is_none() {
@@ -147,15 +148,18 @@ fn check_distance(at: &At, point: Geographic, site: &Site) -> Checked {
     let others = [
         (
             distance(lon, lat),
-            "a point near the first point; latitude and longitude seem to be swapped, here or in the first point",
+            "a point near the site; latitude and longitude seem to be swapped in this point, \
+             the first point or the georeference",
         ),
         (
             distance(lat, -lon),
-            "a point near the first point; the longitude seems to have the wrong sign, here or in the first point",
+            "a point near the site; the longitude seems to have the wrong sign in this point, \
+             the first point or the georeference",
         ),
         (
             distance(-lat, lon),
-            "a point near the first point; the latitude seems to have the wrong sign, here or in the first point",
+            "a point near the site; the latitude seems to have the wrong sign in this point, \
+             the first point or the georeference",
         ),
     ];
     let cause = others.iter().find(|(other, _)| *other <= MAX_DISTANCE_M).map(|(_, cause)| *cause);

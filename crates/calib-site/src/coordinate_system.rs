@@ -57,7 +57,7 @@ impl fmt::Display for CoordinateSystemError {
                 "the EPSG code of a UTM zone or a common national grid; the app, the command line and Python support more"
             }
             Self::Geographic => {
-                "a projected grid; this system has latitude and longitude, for \"lat_deg\" and \"lon_deg\""
+                "a projected grid; this system uses latitude and longitude: enter \"lat_deg\" and \"lon_deg\" instead"
             }
             Self::Unsupported => "another grid, such as UTM; this one cannot be converted reliably",
         })

@@ -219,7 +219,9 @@ pub enum CoverageError {
 impl std::fmt::Display for CoverageError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::NoCamera => f.write_str("no calibrated camera shows the floor"),
+            Self::NoCamera => {
+                f.write_str("no calibrated camera shows the floor: calibrate a camera that shows it")
+            }
             Self::SeveralPeriods { camera } => {
                 write!(f, "camera \"{camera}\" has several periods: choose a time")
             }

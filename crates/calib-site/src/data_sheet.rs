@@ -167,7 +167,7 @@ impl DataSheet {
             return Err(DataSheetError::FieldOutOfRange);
         }
         match self.fields_deg[axis].replace(field) {
-            Some(_) => Err(DataSheetError::Repeated("field of view of this direction")),
+            Some(_) => Err(DataSheetError::Repeated("field of view in the same direction")),
             None => Ok(()),
         }
     }
@@ -441,7 +441,7 @@ mod tests {
         assert!(error("horizontal").contains("number is missing"));
         assert!(error("4 mm 1/99").contains("No sensor"));
         assert!(error("-3 mm 1/3").contains("\"-\""));
-        assert!(error("26 mm equivalent (4.2 mm)").contains("two values of the focal length"));
+        assert!(error("26 mm equivalent (4.2 mm)").contains("two values for the focal length"));
         assert!(error("2.8 mm 1/2.7 5.6 x 3.15 mm").contains("size of the sensor"));
         assert!(error("horizontal 200").contains("179"));
     }

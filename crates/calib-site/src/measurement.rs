@@ -68,15 +68,15 @@ impl fmt::Display for MeasurementError {
             Self::Camera { camera, why } => write!(f, "camera \"{camera}\": {why}"),
             Self::NotComparable { cameras: [a, b] } => write!(
                 f,
-                "the cameras \"{a}\" and \"{b}\" have no common coordinates: place both on the plan, or link them"
+                "the cameras \"{a}\" and \"{b}\" have no common coordinate system: place both on the plan, or link them"
             ),
             Self::Point { camera, pixel: Pixel { u, v }, status } => {
                 write!(f, "camera \"{camera}\": the pixel {u:.0}, {v:.0} {}", reason(*status))
             }
             Self::OnPlane { camera, pixel: Pixel { u, v }, plane } => write!(
                 f,
-                "camera \"{camera}\": the pixel {u:.0}, {v:.0} shows the plane \"{plane}\"; only points above the \
-                 floor can be measured"
+                "camera \"{camera}\": the pixel {u:.0}, {v:.0} shows the plane \"{plane}\"; a point on a plane \
+                 other than the floor cannot be measured"
             ),
             Self::NoDuration => f.write_str("a speed needs the time between the first and the last point"),
             Self::NotAbove => f.write_str("the second point is not vertically above the first"),

@@ -18,7 +18,7 @@ pub(crate) fn check_periods(at: &At, cameras: &[SiteCamera]) -> Checked {
         let to = instant(&at.key("valid_to"), camera.valid_to.as_ref(), Timestamp::MAX)?;
         if from >= to {
             let expected = "a time after \"valid_from\"";
-            return at.key("valid_to").expected("a period that ends before it begins", expected);
+            return at.key("valid_to").expected("an end that is not after the start", expected);
         }
         let others = periods.entry(&camera.id).or_default();
         if others.iter().any(|&(start, end)| from < end && start < to) {
@@ -58,7 +58,7 @@ impl fmt::Display for CameraLookupError {
             Self::Unknown => "the site has no camera with this id",
             Self::SeveralPeriods => "several periods have this id: specify a time",
             Self::NotValidThen => "no calibration of this camera is valid at this time",
-            Self::NotATime => "not a time such as 2026-05-01T08:00:00Z",
+            Self::NotATime => "expected a time such as 2026-05-01T08:00:00Z",
         })
     }
 }

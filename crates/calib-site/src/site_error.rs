@@ -140,7 +140,7 @@ pub(crate) fn kind_from_json_error(error: &serde_json::Error) -> SiteErrorKind {
         ("expected a string", "expected text in quotes"),
         ("expected a sequence", "expected a list in [ ]"),
         ("expected a map", "expected an object in { }"),
-        ("EOF while parsing", "the file ends too early: a bracket or quote is not closed:"),
+        ("EOF while parsing", "the file ends too early: a bracket or quote is not closed in"),
         (
             "trailing characters",
             "unexpected text: an extra value, or a bracket that is missing or closed too early",

@@ -29,10 +29,11 @@ impl fmt::Display for CameraViewError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Camera(why) => why.fmt(f),
-            Self::Uncalibrated(None) => f.write_str("is not calibrated: solve the site first"),
-            Self::Uncalibrated(Some(why)) => write!(f, "could not be calibrated: {why}"),
+            Self::Uncalibrated(None) => f.write_str("not calibrated; solve the site first"),
+            Self::Uncalibrated(Some(why)) => write!(f, "calibration failed: {why}"),
             Self::LensOnly => f.write_str(
-                "has only a calibrated lens: draw lines that determine its focal length and orientation, then solve the site again",
+                "only the lens is calibrated; draw lines that determine the focal length and orientation, then \
+                 solve the site again",
             ),
             Self::Stream(why) => why.fmt(f),
         }

@@ -85,7 +85,7 @@ fn container_of(beginning: &[u8]) -> Option<Container> {
 /// Runs a part of the reading; a panic of a library becomes an error of the file.
 pub(crate) fn without_panic<T>(read: impl FnOnce() -> Result<T, VideoError>) -> Result<T, VideoError> {
     catch_unwind(AssertUnwindSafe(read))
-        .unwrap_or_else(|_| Err(VideoError::Broken("its data contradict each other".into())))
+        .unwrap_or_else(|_| Err(VideoError::Broken("its data are inconsistent".into())))
 }
 
 impl Video {

@@ -46,8 +46,8 @@ impl CsvText {
     }
 }
 
-/// Reads the first line, at most [`HEAD_BYTES`]. Returns its bytes, and a reader of the whole text. A pipe can
-/// return fewer bytes than a line in one read.
+/// Reads until the end of the first line, or until at least [`HEAD_BYTES`] are read. Returns the bytes read, and a
+/// reader of the whole text. A pipe can return fewer bytes than a line in one read.
 fn with_head(mut from: Box<dyn Read>) -> std::io::Result<(Vec<u8>, Box<dyn Read>)> {
     let mut head = Vec::new();
     let mut part = [0; 4096];
@@ -97,7 +97,7 @@ struct Utf16<R> {
     unit: fn([u8; 2]) -> u16,
     /// High surrogate at the end of the last part; its low surrogate is in the next part.
     high: Option<u16>,
-    /// Converted bytes that are not read yet.
+    /// Converted bytes; the first `start` bytes are already read.
     ready: Vec<u8>,
     start: usize,
     is_first: bool,

@@ -7,8 +7,8 @@
 const MAX_BLOCK_BYTES: u64 = 128 << 10;
 const FRAME_MAGIC: u32 = 0xFD2F_B528;
 
-/// Returns an upper bound of the decompressed size of complete frames, in bytes. It stops at invalid data, as
-/// the decoder does.
+/// Returns an upper bound of the decompressed size of complete frames, in bytes. Frames after invalid data are not
+/// counted, because the decoder also stops there.
 pub(super) fn decompressed_size(mut bytes: &[u8]) -> u64 {
     let mut all = 0_u64;
     while let Some((magic, rest)) = parse_number(bytes, 4) {
@@ -24,7 +24,7 @@ pub(super) fn decompressed_size(mut bytes: &[u8]) -> u64 {
     all
 }
 
-/// Returns the bytes after a frame, and adds the decompressed size of its blocks to `all`.
+/// Returns the bytes after a frame, and adds an upper bound of the decompressed size of its blocks to `all`.
 fn skip_frame<'a>(bytes: &'a [u8], all: &mut u64) -> Option<&'a [u8]> {
     let (&about, rest) = bytes.split_first()?;
     let is_single = about & 0x20 != 0;

@@ -19,9 +19,9 @@ use crate::single::{Constraints, PlanePrior, Problem, Source, State, predictable
 pub struct CameraEstimate {
     /// Camera with the covariance of its estimated parameters.
     pub camera: Camera,
-    /// Whether the pose is estimated: in the base system, or in the common system of a component that is not
-    /// located or oriented. Otherwise x, y and yaw keep their input values. Only roll, pitch, focal length,
-    /// lens, and the height that its own annotations determine were refined.
+    /// Whether the pose is estimated: in the base system, or in the common system of a component that is not located
+    /// or oriented. Otherwise x, y and yaw keep their input values. In this case only roll, pitch, focal length and
+    /// lens are refined, and the height if the camera's own annotations determine it.
     pub is_connected: bool,
     /// Sum of the squared residuals, in standard deviations, of all cameras refined together with this one.
     pub chi2: f64,
@@ -40,8 +40,8 @@ pub struct CameraEstimate {
 /// Result of a bundle adjustment. Indices refer to the lists of the [`BundleAdjustment`].
 #[derive(Clone, Debug, Default)]
 pub struct BundleSummary {
-    /// Estimate of every camera. It is `None` if the camera is not connected and its lens is not estimated,
-    /// or if it is [`oversized`](Self::oversized) or [`unsolved`](Self::unsolved).
+    /// Estimate of every camera. It is `None` if the camera is not connected and its lens is neither estimated nor
+    /// shared, or if it is [`oversized`](Self::oversized) or [`unsolved`](Self::unsolved).
     pub cameras: Vec<Option<CameraEstimate>>,
     /// Landmarks at their estimated positions; rejected and unused landmarks are switched off.
     pub landmarks: Vec<Landmark>,
@@ -167,7 +167,7 @@ impl BundleSummary {
                 }
                 Observed::Landmark { landmark, observation } => {
                     let landmark = landmarks[landmark];
-                    // The cluster has the observations by its own cameras only.
+                    // The index counts only the observations of cameras of the cluster.
                     let observations = self.landmarks[landmark].observations.iter();
                     let mut own = observations.filter(|seen| cluster.binary_search(&seen.view).is_ok());
                     let found = own.nth(observation).map(|seen| (seen.view, reliability));
@@ -211,7 +211,7 @@ impl CameraEstimate {
 }
 
 /// Returns the residuals of the annotations of every view, in standard deviations. Several residuals of one
-/// annotation, as of an upright, are combined to their norm.
+/// annotation, for example of an upright, are combined into their norm.
 fn annotation_residuals(refined: &Refined, views: usize) -> Vec<Vec<(Source, f64)>> {
     let mut own: Vec<Vec<(Source, f64)>> = vec![Vec::new(); views];
     for (kind, residual) in &refined.residuals {
@@ -251,7 +251,7 @@ fn rejected_residuals(
 /// Joint refinement of several cameras from shared landmarks and measured distances.
 ///
 /// 1. The view graph is split into components. Each component is initialised along a spanning tree: every
-///    camera is placed by the landmarks that it shares with cameras placed before it. All floors are then
+///    camera is placed from the landmarks that it shares with cameras placed before it. All floors are then
 ///    aligned to close loops.
 /// 2. Landmarks are triangulated.
 /// 3. Cameras, landmarks and the nuisance parameters of stage 1 are refined by least squares. Every residual

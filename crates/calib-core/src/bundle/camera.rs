@@ -13,10 +13,10 @@ pub(crate) const CAMERA_PARAMS: usize = Covariance::SIZE;
 /// Prior knowledge of the position and yaw of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InitialPose {
-    /// Unknown: initialised from landmarks placed by other cameras or control points.
+    /// Unknown: initialised from landmarks that other cameras placed, or from control points.
     Unknown,
-    /// Approximate. If no other information fixes the gauge of a component, one such camera fixes it: the one
-    /// with the most fixed coordinates, or the first of several.
+    /// Approximate. If no other information fixes the gauge of a component, one such camera fixes it. It is the first
+    /// camera with the largest number of fixed coordinates.
     Approximate,
     /// Exact: position and yaw are not estimated.
     Fixed,
@@ -282,7 +282,7 @@ impl<'a> View<'a> {
 }
 
 impl View<'_> {
-    /// Returns a flag for every lens parameter: whether it is estimated, by itself or as one parameter with the
+    /// Returns a flag for every lens parameter: whether it is estimated, separately or as one parameter with the
     /// focal length of the camera.
     pub(crate) fn lens_parameters(&self) -> [bool; Lens::PARAMETERS] {
         std::array::from_fn(|k| {

@@ -302,8 +302,8 @@ impl<'a> Converged<'a> {
         (0..self.problem.planes.len()).map(estimate).collect()
     }
 
-    /// Whether the focal length of a view is estimated and its variance is so large, or not finite, that the
-    /// weak prior matters.
+    /// Whether the weak prior on the focal length of a view matters: the focal length is estimated, and its variance
+    /// is large, not finite or unknown.
     pub(crate) fn weak_prior_matters(&self, view: usize) -> bool {
         let Some((block, index)) = self.problem.camera_layout(view)[Covariance::FOCAL] else { return false };
         let own = self.covariance.as_ref().map(|known| known.block(&self.problem.blocks, block, block));

@@ -115,7 +115,7 @@ impl IdenticalGroups {
 /// Cell of an image: view, point of the landmark, column and row.
 type Cell = (usize, usize, [i64; 2]);
 
-/// Side of a cell of points, in pixels; observations closer than this are in adjacent cells.
+/// Side of a cell of points, in pixels; observations closer than this are in the same cell or in adjacent cells.
 const POINT_CELL_PX: f64 = MAX_OVERLAP_DISTANCE_PX;
 /// Side of a cell of lines, and the sampling distance along a line, in pixels.
 const LINE_CELL_PX: f64 = 64.0;
@@ -200,12 +200,13 @@ fn is_copy(own: &Landmark, other: &Landmark) -> bool {
         }
 }
 
-/// Whether two observations are at nearly the same pixel and of the same landmark point and view.
+/// Whether two observations are of the same point of a landmark in the same view, at nearly the same pixel.
 fn is_same_point(a: &Observation, b: &Observation) -> bool {
     (a.view, a.point) == (b.view, b.point) && a.pixel.distance(b.pixel) <= MAX_OVERLAP_DISTANCE_PX
 }
 
-/// Whether two measured points are at the same position within their uncertainty.
+/// Whether two measured points are at the same position, within 1 cm or within their uncertainty. Always true for
+/// other landmarks.
 fn has_same_position(own: &Landmark, other: &Landmark) -> bool {
     /// Distance below which two measured points count as the same point, in metres.
     const MAX_SAME_POINT_DISTANCE_M: f64 = 0.01;

@@ -13,8 +13,8 @@
 //!    relative to itself. This is a sparse linear problem in the translations and the points, and the points
 //!    are eliminated.
 //!
-//! Solving for all unknowns at once would be linear, too. But it would shrink every floor with its distance
-//! from the first, because the noise in `p_a` multiplies the unknown scale.
+//! Solving for all unknowns at once would be linear, too. But it would shrink floors, and distant floors the most,
+//! because the noise in `p_a` multiplies the unknown scale.
 //!
 //! The similarity of two floors is estimated robustly by iteratively reweighted least squares with Cauchy
 //! weights `1 / (1 + (e / c)^2)`. Here e is the error, and c is three times the median error.
@@ -58,8 +58,8 @@ pub(crate) fn align_floors(cameras: &mut [Camera], free: &[bool], landmarks: &[L
     }
 }
 
-/// Aligns a component to its known positions, if none of its cameras alone observes enough of them. The
-/// alignment is a similarity, or a translation if only one position is known.
+/// Aligns a component to the known positions that it observes. It is for components in which no camera alone observes
+/// enough of them. The alignment is a similarity, or a translation if only one position is known.
 pub(crate) fn align_to_known(component: &[usize], cameras: &mut [Camera], landmarks: &[Landmark]) {
     let pairs = known_positions(component, cameras, landmarks);
     if pairs.is_empty() {
@@ -273,7 +273,7 @@ fn from_centre(pair: &[FloorSighting; 2], centres: &[[f64; 2]; 2], which: usize)
 /// coordinates of the second. Also returns the weight of both values. The method is iteratively reweighted least
 /// squares.
 fn robust_similarity(points: &[[FloorSighting; 2]]) -> Option<([f64; 2], f64)> {
-    /// Number of reweighting iterations; later ones change little.
+    /// Number of fits, the first of them without robust weights; further fits change little.
     const ITERATIONS: usize = 4;
     if points.len() < 2 {
         return None;

@@ -147,8 +147,9 @@ impl<'a> SpanningTree<'a> {
         Self { cameras, landmarks, poses, has_pose, edges: BTreeSet::new() }
     }
 
-    /// Places the cameras of a component, each by the placed camera that shares most landmarks with it.
-    /// Starts from the root if no camera has a pose.
+    /// Places the cameras of a component one by one, each from the placed camera with which it shares the most
+    /// landmarks. If no single camera is sufficient, all placed cameras are used together. Starts from the root if no
+    /// camera has a pose.
     fn grow(&mut self, component: &[usize]) {
         if !component.iter().any(|&view| self.has_pose[view]) {
             self.has_pose[root(component, self.cameras)] = true;

@@ -88,7 +88,7 @@ pub struct Landmark {
     pub keep: bool,
     /// Whether the landmark is not used: switched off, or rejected.
     pub off: bool,
-    /// Whether a robust fit of one camera contradicts the landmark. The landmark starts rejected, and is
+    /// Whether a robust fit of one camera contradicts the landmark. If so, the landmark is rejected at first, and is
     /// restored if the refined cameras agree with it.
     pub is_suspect: bool,
 }

@@ -1,5 +1,5 @@
-//! Corrections of a step that keep local similarities exact. A group of points that is coupled mostly to
-//! itself then moves along the similarity, and not along its tangent.
+//! Corrections of a step that keep local similarities exact. Points of a group that are coupled mostly to each other
+//! then move along the similarity, and not along its tangent.
 //!
 //! Let a step scale some cameras by `1 + s` and rotate them by theta (radians). Heights and yaws follow
 //! exactly. Let p and p' be two floor points as complex numbers. Their difference should change by
@@ -50,7 +50,8 @@ pub(crate) struct Correction {
 impl LocalSimilarities {
     /// Builds the graph; `None` without free points or pairs.
     pub(crate) fn new(is_free: &[bool], pairs: Vec<[usize; 2]>) -> Option<Self> {
-        /// Term added to the diagonal. It keeps the mean of the points if none of them is fixed.
+        /// Regularization added to the diagonal of the Laplacian. If no point is fixed, the matrix is invertible and
+        /// the mean correction is zero.
         const REGULARIZATION: f64 = 1e-9;
         if pairs.is_empty() || !is_free.contains(&true) {
             return None;

@@ -21,7 +21,7 @@
 //! - `annotation_residuals`: the residuals of stage 1 in the adjustment. **The residual of a vertical line**
 //!   is derived in `single/residual.rs` and evaluated here by `BundleProblem::each_annotation`.
 //! - `converged`: a minimum, its covariances, and the chi-square of every outlier candidate.
-//! - `reliability`: the redundancy of every observation, and the floor displacement by an undetected error.
+//! - `reliability`: the redundancy of every observation, and the floor displacement that an undetected error causes.
 //! - `refinement`: the minimum without outliers.
 //! - `adjustment`: the entry point, [`BundleAdjustment::solve`], and its result.
 //!

@@ -91,8 +91,7 @@ impl<'a> BundleProblem<'a> {
         self.views[view].lens_parameters().contains(&true)
     }
 
-    /// Returns the initial state: the start values of all estimated parameters of cameras, planes and
-    /// landmarks.
+    /// Returns the initial state: the start values of all estimated parameters.
     pub(crate) fn start(&self) -> Vec<f64> {
         let mut state = vec![0.0; self.blocks.unknowns()];
         let mut set = |block: usize, index: usize, value: f64| {
@@ -175,7 +174,7 @@ impl<'a> BundleProblem<'a> {
         self.landmark_blocks[landmark]
     }
 
-    /// Returns the block of every parameter of a view and the index in the block.
+    /// Returns the layout of the parameters of a view: for each parameter, its block and its index in the block.
     pub(crate) fn camera_layout(&self, view: usize) -> &CameraLayout {
         &self.camera_layout[view]
     }

@@ -17,9 +17,9 @@
 //! that satisfies both conditions:
 //!
 //! - Its chi-square is too large for the maximum over all candidates. The variances are scaled by the median
-//!   of all residuals, which withstands up to half of the landmarks being wrong.
-//! - Its chi-square per degree of freedom is at least a quarter of the largest one in each of its cameras,
-//!   which is half the residual in pixels. A candidate that is pulled by a worse outlier waits for the next
+//!   chi-square of the candidates, so that up to half of them may be wrong.
+//! - Its chi-square per degree of freedom is at least a quarter of the largest one in each of its cameras. This
+//!   corresponds to half the residual in pixels. A candidate that is pulled by a worse outlier waits for the next
 //!   round.
 //!
 //! The largest residual of a camera at least halves in each round. The number of rounds is therefore the
@@ -190,7 +190,7 @@ impl LandmarkNormal {
     }
 }
 
-/// Minimum number of landmarks for screening.
+/// Minimum number of landmarks for screening; with fewer, only leave-one-out rejects outliers.
 const MIN_LANDMARKS_FOR_SCREENING: usize = 200;
 
 /// Result of the refinement of one cluster of cameras.
@@ -198,7 +198,7 @@ const MIN_LANDMARKS_FOR_SCREENING: usize = 200;
 pub(crate) struct Refined {
     /// Cameras with the covariance of their estimated parameters.
     pub(crate) cameras: Vec<Camera>,
-    /// Estimates of the landmarks that were used.
+    /// Estimate of every landmark; `None` if the landmark was not used.
     pub(crate) landmarks: Vec<Option<LandmarkEstimate>>,
     pub(crate) chi2: f64,
     pub(crate) dof: i64,
@@ -225,11 +225,12 @@ pub(crate) struct Refinement<'a> {
     pub(crate) views: Vec<View<'a>>,
     pub(crate) landmarks: Vec<Landmark>,
     pub(crate) distances: Vec<DistanceMeasurement>,
-    /// Numbers of copies of the landmarks and distances. Their standard deviations already include them.
+    /// Numbers of copies of the landmarks and distances. The standard deviations of `landmarks` and `distances`
+    /// already include these numbers.
     pub(crate) copies: Copies,
     /// Planes other than the floor.
     pub(crate) planes: Vec<PlanePrior>,
-    /// Flags of the views whose noise was given. If it was given for all, the chi-square is a test of the fit.
+    /// Flags of the views whose noise was given. If it was given for all views, the chi-square is a test of the fit.
     pub(crate) noise_is_known: Vec<bool>,
     /// Whether the reliability of every annotation and observation is computed.
     pub(crate) with_reliability: bool,
@@ -253,7 +254,7 @@ impl Refinement<'_> {
             } else {
                 self.unscreened()?
             };
-        // Every rejection costs a search. Beyond a tenth of the landmarks the fit is reported as a misfit.
+        // Every rejection costs a search. After a tenth of the landmarks (1 to 20), the rest is reported as a misfit.
         let more = if is_exhausted { 0 } else { (self.landmarks.len() / 10).clamp(1, 20) };
         let max_rejected = rejected.len() + more;
         while rejected.len() < max_rejected && converged.has_outliers() {
@@ -393,7 +394,8 @@ impl Refinement<'_> {
         }
     }
 
-    /// Returns the same minimum as `solve_without`, starting from `found`: a nearby state with the weak priors.
+    /// Returns the same minimum as `solve_without`. It starts from `found`, a nearby state that was computed with the
+    /// weak priors.
     fn continue_without_weak_priors<'a>(
         &'a self,
         rejected: &[OutlierCandidate],

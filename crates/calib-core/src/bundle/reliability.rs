@@ -39,8 +39,8 @@ pub struct Reliability {
     /// Redundancy number, from 0 to 1, of the error with the largest effect on floor positions. At 0, no other
     /// observation checks this one.
     pub redundancy: f64,
-    /// Largest root mean square displacement of the floor, in metres, by an undetected error of this observation.
-    /// For a landmark it is the maximum over the floors of all cameras that observe it.
+    /// Largest root mean square displacement of the floor, in metres, that an undetected error of this observation
+    /// causes. For a landmark it is the maximum over the floors of all cameras that observe it.
     pub undetectable: f64,
 }
 
@@ -164,8 +164,8 @@ impl Network<'_, '_> {
         sum
     }
 
-    /// Returns the moves `C A'` of the parameters of a view, in the order of [`Covariance`], by a unit error
-    /// of each row.
+    /// Returns the moves `C A'` of the parameters of a view, in the order of [`Covariance`], for a unit error in each
+    /// row of A.
     fn moves(&mut self, view: usize, rows: &Rows) -> DMatrix<f64> {
         let converged = self.converged;
         let problem = &converged.problem;
@@ -191,7 +191,7 @@ impl Network<'_, '_> {
     }
 }
 
-/// Largest undetected move of a floor by an error of one observation.
+/// Largest undetected move of the floor due to an error of one observation.
 #[derive(Clone, Copy, Debug)]
 struct Undetected {
     /// Root mean square displacement of the floor, in metres.
@@ -224,7 +224,7 @@ impl Undetected {
         let moved = (inverse_root * g2 * inverse_root).symmetric_eigen();
         let (index, largest) = moved.eigenvalues.argmax();
         let direction = inverse_root * moved.eigenvectors.column(index);
-        // If no error moves the floor, all directions are equal.
+        // If no error moves the floor, all directions are equal, and the mean redundancy is used.
         let redundancy = if largest > 0.0 {
             (direction.transpose() * r2 * direction).x / direction.norm_squared()
         } else {

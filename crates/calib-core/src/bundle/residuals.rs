@@ -2,9 +2,9 @@
 //!
 //! Each residual is divided by its standard deviation, so that the sum of squares is a chi-square:
 //!
-//! - An annotation of stage 1, in pixels ([`Problem::each_residual`], with the formulas in
-//!   `single/residual.rs`). These residuals keep roll, pitch and focal length determined by the annotations
-//!   of every image.
+//! - An annotation of stage 1, in pixels ([`Problem::each_residual`], with the formulas in `single/residual.rs`).
+//!   With these residuals, the annotations of an image continue to constrain roll, pitch and focal length of its
+//!   camera.
 //! - A point of a straight edge: its distance from the best line through the undistorted edge, in pixels.
 //! - An observation: reprojected minus observed pixel, two residuals. A floor line has one residual, the
 //!   distance of the observed pixel from the reprojected line ([`LandmarkModel::reprojection_error`]).
@@ -128,9 +128,9 @@ pub(crate) fn stage_1_residuals(problem: &Problem, state: &State) -> Option<Stag
     Some(residuals)
 }
 
-/// Returns the derivatives of the residuals of stage 1, in their order, with respect to the lens parameters.
-/// A lens parameter moves the ends of a segment, changes the covariance of their noise, and changes the
-/// spread of a polyline.
+/// Returns the derivatives of the residuals of stage 1, in their order, with respect to the lens parameters. A change
+/// of a lens parameter moves the ends of a segment, and changes the covariance of their noise and the spread of a
+/// polyline.
 pub(crate) fn stage_1_by_lens(
     problem: &Problem,
     constraints: &Constraints<ByLens>,

@@ -17,7 +17,8 @@ use crate::camera::Covariance;
 type Axes = [Option<usize>; 2];
 
 impl BundleProblem<'_> {
-    /// Builds the graph of views that share landmarks, followed by the measured landmarks.
+    /// Builds the graph for the corrections. Its points are the views, followed by the measured landmarks. Its pairs
+    /// are views that share landmarks, and measured landmarks with their views.
     pub(crate) fn local_similarities(&self) -> Option<LocalSimilarities> {
         let is_free = (0..self.views.len()).map(|view| is_free(self.camera_axes(view)));
         let is_free = is_free.chain(self.measured().map(|_| false)).collect::<Vec<_>>();

@@ -129,8 +129,8 @@ fn post_length(seen: &[Observation], cameras: &[Camera], foot: &FloorPoint) -> O
     })
 }
 
-/// Returns the points of a mark on the floor from one camera: the camera that observes most points, or the
-/// nearest of several.
+/// Returns the points of a mark and their floor positions from one camera. It is the camera that observes the most
+/// points, or the nearest of several such cameras.
 fn points_on_floor(
     seen: &[Observation],
     cameras: &[Camera],
@@ -189,8 +189,8 @@ fn rigid_motion(pairs: &[PointPair], fixed_turn: Option<f64>, default_turn: f64)
     [qx - cos * px + sin * py, qy - sin * px - cos * py, turn]
 }
 
-/// Whether the position of a landmark is visible in every camera that observes it. The position must be
-/// inside the lens and, except for a line, in front of the camera.
+/// Whether a landmark is visible in every camera that observes it. The observed pixels must be inside the lens.
+/// Except for a line, the points must be in front of the camera.
 pub(crate) fn is_visible(landmark: &Landmark, cameras: &[Camera]) -> bool {
     let is_line = matches!(landmark.model, LandmarkModel::Line { .. });
     landmark.observations.iter().all(|seen| {
@@ -203,8 +203,9 @@ pub(crate) fn is_visible(landmark: &Landmark, cameras: &[Camera]) -> bool {
     })
 }
 
-/// Returns the squared floor distances, in square metres, between the positions of one landmark point
-/// computed from two cameras. There is one entry per pair of observing cameras, the lower index first.
+/// Returns the squared floor distances, in square metres, between the positions of one landmark point computed from
+/// two cameras. There is one entry for each point and each pair of observing cameras, the lower index first. A line
+/// has no entries.
 pub fn floor_disagreements(landmark: &Landmark, cameras: &[Camera]) -> Vec<([usize; 2], f64)> {
     if matches!(landmark.model, LandmarkModel::Line { .. }) {
         return Vec::new();

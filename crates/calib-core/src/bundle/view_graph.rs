@@ -1,5 +1,5 @@
-//! View graph: cameras are its nodes, and shared landmarks and distances are its edges. Its components are
-//! adjusted independently. For each component this file determines what fixes its gauge in the base system.
+//! View graph: cameras are its nodes, and shared landmarks and distances are its edges. Its components are adjusted
+//! independently. For each component, this file determines which values fix the gauge in the base system.
 //!
 //! The floor and the vertical are known from stage 1. The gauge freedom of a component that shares only
 //! unknown landmarks is therefore a similarity of the floor. It consists of a translation, a rotation about
@@ -305,7 +305,8 @@ pub(crate) fn attach(
         .or_else(|| resect_from_points_and_lines(camera, view, landmarks))
 }
 
-/// Returns the points of the base system that a camera observes, with their pixels.
+/// Returns the landmark points that a camera observes, in the base system, with their pixels. Lines, and points of
+/// unknown position on known landmarks, are left out.
 pub(crate) fn control_points<'a>(
     view: usize,
     landmarks: impl Iterator<Item = (&'a Landmark, [f64; LANDMARK_PARAMS])>,

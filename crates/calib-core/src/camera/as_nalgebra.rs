@@ -50,8 +50,8 @@ impl Camera {
 }
 
 impl FloorCovariance {
-    /// Returns the part of the covariance from pixel noise and the part from the calibration, both in square
-    /// metres. The second part is `None` if the errors of the camera are unknown.
+    /// Returns the part of the covariance from pixel noise and the part from the calibration, both in square metres.
+    /// The second part is `None` if the uncertainty of the camera is unknown.
     #[must_use]
     pub fn matrices(&self) -> (Matrix2<f64>, Option<Matrix2<f64>>) {
         let matrix = |rows: &[[f64; 2]; 2]| Matrix2::from_row_slice(&rows.concat());

@@ -86,8 +86,8 @@ impl Chart {
         &self.from_bearing
     }
 
-    /// Maps a line in the chart to the line of the same points as bearings. Lines are homogeneous: the dot
-    /// product of a line and its points is zero.
+    /// Maps a line in the chart to the line of the corresponding bearings. Lines are homogeneous: the dot product of
+    /// a line and its points is zero.
     pub(crate) fn line_to_bearings(&self, line: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|j| (0..3).map(|i| line[i] * self.from_bearing[i][j]).sum())
     }

@@ -6,7 +6,7 @@ use crate::camera::lens::Lens;
 /// focal length (pixels), distortion coefficients, principal point (pixels), and pixel aspect. The
 /// coefficients refer to the focal length of the lens, [`Lens::focal`].
 ///
-/// Rows and columns of parameters that were not estimated are zero. An infinite variance means that the error
+/// Rows and columns of parameters that were not estimated are zero. An infinite variance means that the uncertainty
 /// of the parameter is unknown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Covariance(pub [[f64; Self::SIZE]; Self::SIZE]);
@@ -40,7 +40,7 @@ impl Covariance {
     /// Covariance of a camera whose parameters have no errors: all zeros.
     pub const EXACT: Self = Self([[0.0; Self::SIZE]; Self::SIZE]);
 
-    /// Covariance of a camera whose errors are unknown, for example of an imported camera. All variances are
+    /// Covariance of a camera with an unknown uncertainty, for example of an imported camera. All variances are
     /// infinite.
     pub const UNKNOWN: Self = {
         let mut rows = [[0.0; Self::SIZE]; Self::SIZE];
@@ -52,15 +52,15 @@ impl Covariance {
         Self(rows)
     };
 
-    /// Returns the standard deviation of the parameter with this index, in the unit of the parameter. Returns
-    /// `None` if the parameter was not estimated or its error is unknown.
+    /// Returns the standard deviation of the parameter with this index, in the unit of the parameter. Returns `None`
+    /// if the parameter was not estimated or its uncertainty is unknown.
     #[must_use]
     pub fn sigma(&self, index: usize) -> Option<f64> {
         let variance = self.0[index][index];
         (variance > 0.0 && variance.is_finite()).then(|| variance.sqrt())
     }
 
-    /// Returns the covariance in which the errors of the parameters with the given indices are unknown.
+    /// Returns the covariance in which the uncertainty of the parameters with the given indices is unknown.
     pub fn with_unknown(mut self, unknown: &[usize]) -> Self {
         for &index in unknown {
             self.0[index] = [0.0; Self::SIZE];
@@ -70,14 +70,14 @@ impl Covariance {
         self
     }
 
-    /// Whether the errors of all parameters are known. An error of zero counts as known.
+    /// Whether the uncertainties of all parameters are known. An uncertainty of zero counts as known.
     #[must_use]
     pub fn is_known(&self) -> bool {
         (0..Self::SIZE).all(|index| self.0[index][index].is_finite())
     }
 
     /// Returns the covariance after every parameter p is replaced by `scale p + by_focal focal`. `scale` and
-    /// `by_focal` contain one factor for each parameter. Returns [`Self::UNKNOWN`] if an error is unknown.
+    /// `by_focal` contain one factor for each parameter. Returns [`Self::UNKNOWN`] if an uncertainty is unknown.
     pub fn with_correlated_shift(&self, scale: &[f64; Self::SIZE], by_focal: &[f64; Self::SIZE]) -> Self {
         if !self.is_known() {
             return Self::UNKNOWN;
@@ -92,8 +92,8 @@ impl Covariance {
         }))
     }
 
-    /// Propagates the covariance to a pair of quantities. `jacobian` contains the derivatives of both
-    /// quantities with respect to each parameter. Returns `None` if an error is unknown.
+    /// Propagates the covariance to a pair of quantities. `jacobian` contains the derivatives of both quantities with
+    /// respect to each parameter. Returns `None` if an uncertainty is unknown.
     #[must_use]
     pub fn propagate(&self, jacobian: &[[f64; 2]; Self::SIZE]) -> Option<[[f64; 2]; 2]> {
         self.is_known().then(|| {

@@ -21,8 +21,8 @@ use crate::camera::space::{FloorPoint, Pixel};
 pub struct FloorCovariance {
     /// Part of the covariance that the pixel noise causes. It is independent for every detection.
     pub pixel: [[f64; 2]; 2],
-    /// Part of the covariance that calibration errors cause. It is common to all detections of a camera, so a
-    /// filter must not average it away. `None` if the errors of the camera are unknown.
+    /// Part of the covariance that calibration errors cause. It is common to all detections of a camera, so a filter
+    /// must not average it away. `None` if the uncertainty of the camera is unknown.
     pub calibration: Option<[[f64; 2]; 2]>,
 }
 
@@ -158,7 +158,7 @@ struct PlaneJacobian<'a> {
     direction: [f64; 3],
     /// Rise `n . d` of the ray relative to the plane.
     rise: f64,
-    /// Distance `t` of the intersection `C + t d`, in lengths of the direction `d`.
+    /// Distance `t` of the intersection `C + t d`, in multiples of the length of `d`.
     reach: f64,
 }
 

@@ -279,8 +279,8 @@ impl Lens {
         if radius < 1e-6 { Some((0.0, [0.0; Self::PARAMETERS])) } else { Some((-0.5 * square.ln(), by)) }
     }
 
-    /// Whether every corner of an image of this width and height, in pixels, shows a ray. If so, all pixels
-    /// show rays. Always true for a wide lens, because the corners are outside its image circle.
+    /// Whether every corner of an image of this width and height, in pixels, shows a ray. If so, all pixels show
+    /// rays. Always true for a wide lens, because the corners may be outside its image circle.
     #[must_use]
     pub fn covers_image(&self, [w, h]: [f64; 2]) -> bool {
         if self.distortion.is_wide() {

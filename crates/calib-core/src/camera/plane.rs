@@ -135,8 +135,8 @@ impl Camera {
 /// Intersects a ray with a plane. The direction of the ray may have any length. Returns `None` if they do not
 /// meet in front of the origin of the ray.
 pub(crate) fn ray_to_plane(ray: &Ray, plane: &Plane) -> Option<WorldPoint> {
-    /// Maximum distance of an intersection from the origin of the ray, in lengths of the direction. A larger
-    /// value is a rounding error at the horizon.
+    /// Maximum distance of an intersection from the origin of the ray, in multiples of the length of the direction. A
+    /// larger value is a rounding error at the horizon.
     const MAX_DISTANCE: f64 = 1e12;
     let drop = plane.height_at(ray.origin.on_floor()) - ray.origin.z;
     let distance = drop / plane.rise(&ray.direction);

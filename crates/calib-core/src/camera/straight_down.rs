@@ -23,8 +23,8 @@ pub struct StraightDown {
     /// Heading of the top of the image on the floor. Like the yaw, it is counter-clockwise from world +y, in
     /// radians above -pi and up to pi.
     pub heading: f64,
-    /// Standard deviation of the heading, in radians; `None` if none of x, y and yaw was estimated, or if an
-    /// error is unknown.
+    /// Standard deviation of the heading, in radians. It is `None` if none of x, y and yaw was estimated, if all
+    /// angles are fixed, or if an uncertainty is unknown.
     pub heading_sigma: Option<f64>,
 }
 

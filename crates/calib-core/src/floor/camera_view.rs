@@ -201,7 +201,7 @@ impl CameraView {
         });
     }
 
-    /// Maps the foot points of detection boxes as [`Self::to_floor`].
+    /// Maps the foot points of detection boxes as [`Self::to_floor`] does.
     ///
     /// # Panics
     /// If the columns differ in length.
@@ -219,8 +219,8 @@ impl CameraView {
         });
     }
 
-    /// Computes the covariances of the foot points of detection boxes as [`Self::covariances`]. `sigma` is
-    /// the standard deviation of each coordinate of the middle of the lower edge, in pixels.
+    /// Computes the covariances of the foot points of detection boxes as [`Self::covariances`] does. `sigma` is the
+    /// standard deviation of each coordinate of the middle of the lower edge, in pixels of the stream.
     ///
     /// # Panics
     /// If the columns differ in length.
@@ -267,8 +267,8 @@ impl CameraView {
         projector.covariance(still, sigma * self.map.max_pixel_size(), surface)
     }
 
-    /// Maps at most [`CHUNK`] pixels of the calibrated image to points on the surfaces raised by `height` metres:
-    /// for each pixel, the first one that its ray meets.
+    /// Maps at most [`CHUNK`] pixels of the calibrated image to points. Each point is `height` metres above the plane
+    /// or floor that the ray of its pixel meets first.
     fn to_surfaces(&self, height: f64, still: [&[f64]; 2], [x, y]: [&mut [f64]; 2], status: &mut [Status]) {
         let mut points = [None; CHUNK];
         let points = &mut points[..status.len()];

@@ -15,7 +15,7 @@ impl fmt::Display for DataSheetError {
             Self::NoFocalLength => {
                 f.write_str("Add the focal length to the size of the sensor, for example 2.8 mm 1/2.7.")
             }
-            Self::Repeated(what) => write!(f, "The text contains two values of the {what}. Remove one."),
+            Self::Repeated(what) => write!(f, "The text contains two values for the {what}. Remove one."),
             Self::FieldOutOfRange => f.write_str("Enter a field of view from 0.1\u{b0} to 179\u{b0}."),
             Self::UnknownFormat(format) => {
                 write!(f, "No sensor has the format {format}. Usual formats are 1/2.8 and 1/3.")

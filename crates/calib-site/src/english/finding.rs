@@ -191,8 +191,8 @@ const CHECK_FLOOR_LINES: &str =
     "Check that floor lines and verticals are not mixed up, and draw the field of view on the floor.";
 
 /// Advice for a camera that was placed by hand.
-const CONNECT_OR_FIX: &str = "Add two control points, or link the camera to one that has control points, then \
-                              refine. Or fix the measured values.";
+const CONNECT_OR_FIX: &str = "Add two control points, or link the camera to another camera with control points, \
+                              then refine. If the position was measured, fix the placement.";
 
 /// Advice for lines that are curved in one direction only.
 const ANOTHER_EDGE: &str =
@@ -220,7 +220,7 @@ fn curved_one_way(px: f64) -> String {
 const fn extend_edges(is_round: bool, is_reached: bool) -> &'static str {
     match (is_round, is_reached) {
         (true, true) => {
-            "Edges already reach the rim. Draw verticals and floor lines, or link points with another camera."
+            "Edges already reach the rim. Draw verticals and floor lines, or link points to another camera."
         }
         (true, false) => "Draw straight edges that reach the rim.",
         (false, _) => "Draw straight edges that reach the corners.",
@@ -306,8 +306,8 @@ const fn lens_advice(finding: &Finding) -> &'static str {
             "If the image is not cropped, check the right angles and the verticals. If you know the principal point, enter it."
         }
         Finding::OtherResolution { .. } => {
-            "Enter the lens for this resolution: multiply its focal length and principal point by the ratio of the \
-             widths."
+            "Enter the lens for this resolution: multiply its focal length and principal point by the width of this \
+             image divided by the other width."
         }
         Finding::DataSheetConflict { .. } => {
             "Check the focal length and the sensor size, or the field of view. Correct or remove them. They do not \
@@ -353,7 +353,7 @@ const fn shared_advice(finding: &Finding) -> &'static str {
             "Check that the pixels are on the same object in every camera. If so, choose \"Use anyway\" in the app, or add \"keep\": true to the link or mark."
         }
         F::DistanceOutlier { .. } => "Check the length and its unit.",
-        F::NotConnected { .. } => "Link three points with a connected camera, or add control points.",
+        F::NotConnected { .. } => "Link three points to a connected camera, or add control points.",
         F::UndeterminedPosition { .. } => {
             "Link another point, far from the others, or fix the placement of the camera."
         }
@@ -426,8 +426,8 @@ impl From<&Failure> for FailureEntry {
 fn failure_text(failure: &Failure) -> [String; 2] {
     match failure {
         Failure::TooFewVerticals { count } => [
-            format!("The paper's method needs two verticals to determine the roll, but only {count} can be used."),
-            ANOTHER_VERTICAL.into(),
+            format!("The paper's method needs two verticals to determine the roll, but {} can be used.", if *count == 0 { "none" } else { "only one" }),
+            if *count == 0 { "Draw two verticals, far apart.".into() } else { ANOTHER_VERTICAL.into() },
         ],
         Failure::CoincidentVerticals => [
             "The verticals coincide, so they do not intersect in a single point.".into(),
@@ -472,7 +472,7 @@ fn failure_text(failure: &Failure) -> [String; 2] {
 fn points_failure_text(failure: &Failure) -> [String; 2] {
     match failure {
         Failure::ExchangedControlPoints { points: [a, b] } => [
-            format!("Control points {a} and {b} are swapped: all points fit if you swap their pixels."),
+            format!("Control points {a} and {b} are swapped: all points fit if you swap the pixels of these two."),
             EXCHANGE.into(),
         ],
         Failure::ContradictoryPoints { count } => [

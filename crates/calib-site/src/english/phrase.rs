@@ -299,7 +299,7 @@ impl SentenceContext<'_> {
             2..=MAX_NAMED_EDGES => format!("{} hardly constrain", names.join(", ")),
             count => format!("{count} of {drawn} straight edges hardly constrain"),
         };
-        let by = if names.len() == 1 { "it by" } else { "them by at most" };
+        let by = if names.len() == 1 { "this edge by" } else { "these edges by at most" };
         format!("{who} the lens: 10 px of distortion in the corner would curve {by} {bend_px:.1} px.")
     }
 
@@ -324,7 +324,7 @@ impl SentenceContext<'_> {
 
     pub(super) fn exchanged_control_points(&self, points: [usize; 2]) -> String {
         let [a, b] = points.map(|point| self.control_point(self.entry, point));
-        format!("Control points {a} and {b} are swapped: all points fit if you swap their pixels.")
+        format!("Control points {a} and {b} are swapped: all points fit if you swap the pixels of these two.")
     }
 
     pub(super) fn far_from_map(&self, camera: usize, point: usize, distance: f64) -> String {
@@ -339,8 +339,8 @@ impl SentenceContext<'_> {
         let [distance, drop] =
             [(distance, 0), (drop, 1)].map(|(length, digits)| self.site.units.length(length, digits));
         format!(
-            "Camera {} is {distance} from the origin of the site. There, the curved ground is {drop} below the plane \
-             of the floor.",
+            "Camera {} is {distance} from the origin of the site. The Earth is curved, so the ground there is {drop} \
+             below the plane of the floor.",
             self.id(camera)
         )
     }
@@ -391,7 +391,7 @@ impl SentenceContext<'_> {
         let ids = self.ids(cameras);
         match why {
             DisconnectionReason::TooFewLandmarks => {
-                format!("There are too few links with other cameras to place {ids}.")
+                format!("There are too few links to other cameras to place {ids}.")
             }
             DisconnectionReason::PlacedByOperator => {
                 format!("Nothing connects {ids} to the rest of the site. The placement by hand is kept.")
@@ -510,7 +510,8 @@ pub(super) fn unchecked(dof: i64, rejected: usize) -> String {
 pub(super) fn few_residuals(dof: i64, factor: f64) -> String {
     let lines = counted(usize::try_from(dof).unwrap_or_default(), "redundant line", "redundant lines");
     format!(
-        "The annotation noise is estimated from only {lines}, so every \u{b1} is {factor:.1} times wider (Student's t)."
+        "The annotation noise is estimated from only {lines}, so every \u{b1} is wider by a factor of \
+         {factor:.1} (Student's t)."
     )
 }
 
@@ -535,7 +536,8 @@ pub(super) fn joint_misfit(chi2: f64, dof: i64) -> String {
 
 pub(super) fn curved(px: f64, px_without_lens: f64) -> String {
     format!(
-        "The straight edges deviate from straight by {px:.2} px RMS ({px_without_lens:.2} px without a distortion model)."
+        "The straight edges deviate from straight lines by {px:.2} px RMS \
+         ({px_without_lens:.2} px without a distortion model)."
     )
 }
 

@@ -139,8 +139,8 @@ impl BrownConrady {
         self.is_surely_increasing(radius) || radius <= self.fold_radius()
     }
 
-    /// Whether a lower bound of the radial derivative is positive up to this undistorted radius. If it is
-    /// positive, the fold radius is larger and its roots need not be computed.
+    /// Whether a lower bound of the radial derivative is positive up to this undistorted radius. If so, the fold
+    /// radius is larger and need not be computed.
     fn is_surely_increasing(&self, radius: f64) -> bool {
         self.radial().derivative_lower_bound(radius) > 6.0 * hypot(self.p1, self.p2) * radius
     }
@@ -200,7 +200,8 @@ impl Model for BrownConrady {
         /// Maximum number of Newton steps. The tangential part is small, so five steps usually suffice.
         /// Convergence is only linear at the fold, where each step halves the error.
         const MAX_STEPS: usize = 50;
-        /// Largest accepted last step, in coordinates divided by the focal length.
+        /// Largest accepted last step relative to 1 plus the distorted radius, in coordinates divided by the focal
+        /// length.
         const TOLERANCE: f64 = 1e-13;
         let radius = hypot(x, y);
         let (undistorted, is_radial) = self.start_radius(radius)?;
@@ -337,7 +338,7 @@ impl BrownInverse {
     }
 
     /// Returns the undistorted point after one step of Newton's method and one of the chord method. The flag is
-    /// `true` if its error bound is small enough.
+    /// `true` if the error is small enough, and the point is inside the range of lockstep.
     #[inline(always)]
     fn two_steps(&self, distorted_x: f64, distorted_y: f64) -> (f64, f64, bool) {
         let start = self.start_point(distorted_x, distorted_y);

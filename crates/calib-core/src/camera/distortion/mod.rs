@@ -64,7 +64,7 @@ pub enum Distortion {
     Eucm {
         /// Weight of the distance d in the formula, between 0 and 1; 0 is the pinhole camera.
         alpha: f64,
-        /// Shape of the surface that rays meet; above 0. The model is the unified one for 1.
+        /// Shape of the surface that rays meet; above 0. For 1, the model equals the unified model.
         beta: f64,
     },
     /// Double-sphere model, `ds` of Kalibr and Basalt:
@@ -311,7 +311,7 @@ impl Distortion {
         all
     }
 
-    /// Returns the first coefficients, which are all coefficients of a fitted model.
+    /// Returns the first [`Self::MAX_FITTED`] coefficients. A model that can be fitted has no others.
     #[must_use]
     pub fn fitted_coefficients(&self) -> [f64; Self::MAX_FITTED] {
         let all = self.coefficients();
@@ -387,9 +387,9 @@ impl Distortion {
         self.with_model(|model| model.undistort(distorted)).unwrap_or(Some(distorted)).filter(is_finite)
     }
 
-    /// Returns the ray at a distorted point, which is divided by the focal length. The ray is the vector
-    /// (x right, y down, w forward) in camera axes. The component w is zero or negative 90° or more from the
-    /// optical axis. Returns `None` if no ray reaches the point.
+    /// Returns the ray at a distorted point, which is divided by the focal length. The ray is the vector (x right, y
+    /// down, w forward) in camera axes. The component w is zero or negative for rays 90° or more from the optical
+    /// axis. Returns `None` if no ray reaches the point.
     #[must_use]
     pub fn ray(&self, distorted: [f64; 2]) -> Option<[f64; 3]> {
         self.with_model(|model| model.ray(distorted)).unwrap_or(Some([distorted[0], distorted[1], 1.0]))

@@ -72,8 +72,8 @@ pub(crate) trait Model {
     /// Returns the Jacobian `d distorted / d undistorted` at an undistorted point.
     fn distort_jacobian(&self, undistorted: [f64; 2]) -> Matrix2;
 
-    /// Returns the derivatives `d distorted / d coefficient` for every coefficient, at a fixed undistorted
-    /// point. All derivatives by coefficients are zero for models that are not fitted.
+    /// Returns the derivatives `d distorted / d coefficient` for every coefficient, at a fixed undistorted point. All
+    /// derivatives with respect to coefficients are zero for models that are not fitted.
     fn distort_by_coefficients(&self, _undistorted: [f64; 2]) -> [[f64; 2]; Distortion::MAX_FITTED] {
         Default::default()
     }

@@ -16,7 +16,7 @@ use crate::camera::distortion::model::{
 };
 use crate::camera::numerics::{angle_from_axis, atan, hypot, sin_cos, tan};
 
-/// Minimum image radius at which its direction is defined, divided by the focal length.
+/// Minimum image radius, divided by the focal length, at which the direction of the image point is defined.
 const MIN_RADIUS: f64 = 1e-9;
 
 /// Largest angle between a ray and the optical axis, in radians: 144°. No lens on the market has a field of
@@ -117,12 +117,12 @@ impl<P: Profile> Model for P {
         [u, v, distorted.map(|c| -sin * turn * c / radius)]
     }
 
-    /// Returns the derivatives of the Jacobian of the ray `(s q, cos theta)` with respect to the distorted
-    /// point q, where `s = sin theta / r` and r is the radius of q. The unit vector n is the direction of q
-    /// from the centre, and I the identity. Here, primes are derivatives with respect to r. The derivatives
-    /// of the first two components are `s' (n_i I_jk + n_j I_ik + n_k I_ij) + (r s'' - s') n_i n_j n_k`.
-    /// Those of the third component are `cos' (I_jk - n_j n_k) / r + cos'' n_j n_k`. Their terms are
-    /// `r s' = cos theta theta' - s` and `r s'' = cos theta theta'' - sin theta theta'^2 - 2 s'`.
+    /// Returns the derivatives of the Jacobian of the ray `(s q, cos theta)` with respect to the distorted point q,
+    /// where `s = sin theta / r` and r is the radius of q. The unit vector n is the direction of q from the centre,
+    /// and I the identity. Here, primes are derivatives with respect to r. The derivatives of the first two
+    /// components are `s' (n_i I_jk + n_j I_ik + n_k I_ij) + (r s'' - s') n_i n_j n_k`. The derivatives of the third
+    /// component are `cos' (I_jk - n_j n_k) / r + cos'' n_j n_k`. Their terms are `r s' = cos theta theta' - s` and
+    /// `r s'' = cos theta theta'' - sin theta theta'^2 - 2 s'`.
     fn ray_curvature(&self, distorted: [f64; 2], [x, y, w]: [f64; 3]) -> RayCurvature {
         let (radius, sin) = (hypot(distorted[0], distorted[1]), hypot(x, y));
         if radius < MIN_RADIUS {

@@ -35,9 +35,9 @@ pub(super) const ROW: ModelRow = ModelRow {
 pub struct Unified {
     /// Distance of the pinhole behind the centre of the unit sphere; above -1.
     pub xi: f64,
-    /// Radial coefficients k1 and k2 of the points that the pinhole observes.
+    /// Radial distortion coefficients k1 and k2, applied to the points that the pinhole observes.
     pub radial: [f64; 2],
-    /// Tangential coefficients p1 and p2 of the points that the pinhole observes.
+    /// Tangential distortion coefficients p1 and p2, applied to the points that the pinhole observes.
     pub tangential: [f64; 2],
 }
 
