@@ -425,9 +425,13 @@ impl From<&Failure> for FailureEntry {
 /// Returns the message and the advice for a camera without a result.
 fn failure_text(failure: &Failure) -> [String; 2] {
     match failure {
-        Failure::TooFewVerticals { count } => [
-            format!("The paper's method needs two verticals to determine the roll, but {} can be used.", if *count == 0 { "none" } else { "only one" }),
-            if *count == 0 { "Draw two verticals, far apart.".into() } else { ANOTHER_VERTICAL.into() },
+        Failure::TooFewVerticals { count: 0 } => [
+            "The paper's method needs two verticals to determine the roll.".into(),
+            "Draw two verticals, far apart.".into(),
+        ],
+        Failure::TooFewVerticals { .. } => [
+            "The paper's method needs two verticals to determine the roll, but only one can be used.".into(),
+            ANOTHER_VERTICAL.into(),
         ],
         Failure::CoincidentVerticals => [
             "The verticals coincide, so they do not intersect in a single point.".into(),
