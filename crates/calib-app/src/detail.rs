@@ -137,7 +137,7 @@ mod tests {
         let part = wanted([1000, 800], visible, 4096.0).unwrap();
         assert_eq!((part.low, part.size), ([50.0, 170.0], [300.0, 180.0]));
         assert_eq!(part.pixels, [2400, 1440]);
-        // The number of pixels is limited, and nothing outside the picture is drawn.
+        // The number of pixels is limited, and no area outside the picture is drawn.
         let blurred = Visible { corners: [[0.0, 0.0], [1000.0, 800.0]], zoom: 1.3 };
         assert_eq!(wanted([1000, 800], blurred, 900.0), None);
         let edge = Visible { corners: [[-500.0, -500.0], [1900.0, 1900.0]], zoom: 8.0 };

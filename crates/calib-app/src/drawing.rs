@@ -60,7 +60,7 @@ pub(crate) fn plan_from_drawing(drawing: &DrawingFacts) -> Option<(Plan, String)
 }
 
 /// Returns the plan entry of a georeferenced image, and a note on the source of the scale. `None` if neither the
-/// image nor the site contains the map grid.
+/// image nor the site specifies the map grid.
 pub(crate) fn plan_on_map(
     site: &Site,
     size: [u32; 2],

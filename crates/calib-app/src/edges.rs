@@ -25,7 +25,8 @@ pub struct Edges {
 }
 
 impl Edges {
-    /// Returns the edges of an image, none until they are detected. The first call starts the detection.
+    /// Returns the edges of an image; empty until they are detected. The first call starts the detection, unless `stop`
+    /// was called.
     pub fn of(&mut self, ctx: &Context, name: &str, image: &Arc<RgbImage>) -> &[Edge] {
         if self.stopped && !self.stills.contains_key(name) {
             return &[];
@@ -87,7 +88,7 @@ impl Refining {
         Self { from: site.clone(), task: Here::refine(ctx, site.clone()) }
     }
 
-    /// Returns the refined site when the refinement has ended. It must not be called again after that.
+    /// Returns the refined site when the refinement has ended. The method must not be called again after that.
     #[must_use]
     pub(crate) fn poll(&self) -> Option<Result<Site, String>> {
         let lost = |_| "internal error; please report this".to_owned();

@@ -6,7 +6,7 @@ use egui::{Context, Event, Id, Key, Modifiers, Response};
 /// Field that the program asks the operator to fill in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum RequestedField {
-    /// Length or height of the annotation of the current camera with this index.
+    /// Length or height of an annotation of the current camera; contains the index of the annotation.
     Size(usize),
     /// Distance between two measured points of the plan.
     PlanLength,
@@ -17,7 +17,7 @@ fn requested_id() -> Id {
     Id::unique("requested field")
 }
 
-/// Requests a field: the panel that shows it next gives it the focus.
+/// Requests a field: the next panel that shows the field gives it the focus.
 pub(crate) fn request(ctx: &Context, field: RequestedField) {
     ctx.data_mut(|data| data.insert_temp(requested_id(), field));
     ctx.request_repaint();

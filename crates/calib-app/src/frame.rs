@@ -37,7 +37,7 @@ impl App {
         focus::scroll_to_focused(ctx, &mut self.hover.focus);
         self.pictures.begin_frame(ctx);
         self.edges.begin_frame();
-        // Dropped and chosen files wait until the current gesture ends.
+        // Files and results of background work wait until the current gesture ends.
         if self.editor.tool().is_idle() && (!self.awaits() || self.editor.is_settled()) {
             self.poll_dialog(ctx);
             self.poll_stills();
@@ -65,8 +65,8 @@ impl App {
         }
     }
 
-    /// Decides whether the arrow keys move the crosshair, and paints it. With the selection tool they do so on an image
-    /// in which nothing is selected.
+    /// Decides whether the arrow keys move the crosshair, and paints it. With the selection tool, they move it only in
+    /// the image view, without a selection and without an automatic calibration.
     fn update_crosshair(&self, ctx: &Context) {
         let draws = match self.view.mode {
             Mode::Scene => false,
@@ -137,7 +137,7 @@ impl App {
     }
 }
 
-/// Allows clicks of the mouse of any duration, because frames can take long. A long touch is no click: it opens a menu.
+/// Allows mouse clicks of any duration, because a frame can take long. A long touch is not a click: it opens a menu.
 fn set_click_duration(ctx: &Context) {
     let is_touch = ctx.input(InputState::any_touches);
     let longest = if is_touch { InputOptions::default().max_click_duration } else { f64::INFINITY };

@@ -185,7 +185,8 @@ impl Default for Look {
     }
 }
 
-/// Shows an icon button; `label` is its accessible name, `tip` the rest of its tooltip.
+/// Shows an icon button; `label` is its accessible name, `tip` its tooltip. If `tip` is empty, the label is the
+/// tooltip.
 pub fn button(ui: &mut Ui, icon: Icon, label: &str, tip: &str, look: Look) -> Response {
     let sense = if look.enabled { Sense::click() } else { Sense::hover() };
     let (rect, response) = ui.allocate_exact_size(look.size, sense);

@@ -61,7 +61,7 @@ pub fn pressed(ctx: &Context, was_typing: bool, has_sheet: bool) -> Vec<(Command
             if !(is_others && *key == egui::Key::Escape) {
                 found.push((row.command, *modifiers));
             }
-            // Enter presses a focused button, and Escape closes a menu.
+            // These two events remain: Enter presses a focused button, and Escape closes a menu.
             matches!(row.command, Command::Accept | Command::Cancel)
         });
     });

@@ -216,8 +216,8 @@ fn is_finger_pan(app: &App, ui: &Ui, key: (Place, Pane), mapping: &Mapping, at: 
     hit.is_none() && !is_proposed
 }
 
-/// Returns the capture time of the image at a screen point: the newer or the calibrated image, whichever the canvas
-/// shows there. `None` if it is unknown, or if the camera has no newer image.
+/// Returns the capture time of the newer image of a camera if `shows_newer` is set, otherwise of its calibrated
+/// image. `None` if the time is unknown, or if the camera has no newer image.
 fn captured_under(app: &App, pane: Pane, shows_newer: bool) -> Option<String> {
     let Pane::Image(camera) = pane else { return None };
     let [old, new] = &app.editor.newer(camera)?.captured;
@@ -302,7 +302,7 @@ fn canvas(
     (mapping, painter)
 }
 
-/// Returns the undistortion of a camera's image if that layer is on, or the window of a fisheye image.
+/// Returns the undistortion of a camera's image if the undistorted image is shown, or the window of a fisheye image.
 fn bend(app: &App, camera: usize) -> Option<Bend> {
     if app.is_fisheye(camera) {
         return app.window(camera);

@@ -162,7 +162,8 @@ impl Picture {
         self.tiles.iter().map(piece).collect()
     }
 
-    /// Returns the tiles of a plan. If they are blurred at this zoom, a sharp picture of the visible part follows.
+    /// Returns the tiles of a plan. If they are blurred at this zoom, the last piece is a sharp picture of the visible
+    /// part, once it is drawn.
     pub(crate) fn pieces_of_plan(&mut self, ctx: &Context, visible: Visible) -> Vec<Piece> {
         let (mut pieces, whole) = (self.pieces(ctx), self.size());
         if let Some(detail) = &mut self.detail {
@@ -176,7 +177,7 @@ impl Picture {
         pieces
     }
 
-    /// Returns the part of a drawing of which a sharp picture is shown.
+    /// Returns the part of a drawing that is shown as a sharp picture.
     #[must_use]
     pub fn sharp_part(&self) -> Option<Part> {
         Some(self.detail.as_ref()?.drawn.as_ref()?.0)
@@ -241,8 +242,8 @@ impl Piece {
         painter.add(egui::Shape::mesh(mesh));
     }
 
-    /// Paints the part that a fisheye window shows as a mesh of screen cells. The corners of the cells are
-    /// mapped to image pixels.
+    /// Paints the part of the texture that a fisheye window shows, as a mesh of screen cells. The corners of the
+    /// cells are mapped to image pixels.
     fn paint_window(&self, painter: &Painter, mapping: &Mapping, tint: Color32) {
         /// Side of a cell, in points.
         const CELL_SIDE: f32 = 12.0;
@@ -361,8 +362,8 @@ impl Pictures {
         self.get_part(ctx, name, || (bytes(), View::default()))
     }
 
-    /// Returns the shown part of a drawing once it is decoded; the first call starts the decoding. The key
-    /// depends on the part; see [`picture_key`].
+    /// Returns the page and the layers of a drawing that `part` selects, once they are decoded; the first call
+    /// starts the decoding. `key` depends on page and layers; see [`picture_key`].
     pub fn get_part(
         &mut self,
         ctx: &Context,
@@ -429,7 +430,7 @@ impl Pictures {
     }
 }
 
-/// Character between the name of a drawing and the shown part in the key of a picture.
+/// Character that separates the name of a drawing from its page and layers in the key of a picture.
 const PART_MARK: char = '\n';
 
 /// Returns the cache key of the image of a plan: its file name and, for a drawing, the shown page and
@@ -443,8 +444,8 @@ pub fn picture_key(plan: &Plan) -> Option<String> {
     Some(format!("{name}{PART_MARK}{:?} {:?}", plan.page, plan.layers))
 }
 
-/// Returns the texture coordinates (0 to 1) of the middle of an image of this size, in the aspect ratio of
-/// `rect`.
+/// Returns the texture coordinates (0 to 1) of the largest central part of an image with the aspect ratio of `rect`.
+/// `size` is the size of the image.
 #[must_use]
 pub fn cropped(size: Vec2, rect: Rect) -> Rect {
     let (image, wanted) = (size.x / size.y.max(1.0), rect.width() / rect.height().max(1.0));

@@ -151,8 +151,8 @@ fn judgement(app: &App, ui: &mut Ui, proposed: &PendingCalibration) {
     ui.add_space(4.0);
 }
 
-/// Shows the choice between two cameras that explain the edges equally well; the image shows which one is
-/// right.
+/// Shows the choice between two solutions that explain the edges equally well. The operator compares them with the
+/// image.
 fn hypotheses(app: &App, ui: &mut Ui, proposed: &PendingCalibration, wish: &mut Option<CalibrationDecision>) {
     let entry = app.editor.session().entry();
     let (Some(own), Some(other), Some(entry)) = (&proposed.orientation, &proposed.alternative, entry) else {

@@ -79,7 +79,7 @@ fn paint_coverage(
 ) {
     /// Opacity of the colours.
     const OPACITY: f32 = 0.5;
-    /// Painted height of a wall without a height, in metres.
+    /// Painted height of a wall whose height is unknown, in metres.
     const USUAL_WALL_HEIGHT: f64 = 2.5;
     let mut mesh = egui::Mesh::default();
     for rectangle in shown.result.iter().flat_map(|found| &found.rectangles) {
@@ -174,12 +174,12 @@ fn paint_camera(
     for edge in session.prism_edges(index) {
         polyline(painter, rect, orbit, &edge, thin(1.25));
     }
-    // The frustum ends at a depth of a quarter of the camera height.
+    // The length of the frustum is a quarter of the camera height, limited to 0.25 to 1.5 m.
     let depth = 0.25 * pose.position.z.abs().clamp(1.0, 6.0);
     let ends = frustum(entry, pose, depth);
     let pen = Pen::new(colour, if is_own { 2.5 } else { 1.5 });
     for (i, &end) in ends.iter().enumerate() {
-        // A round image has as many spokes as a rectangular one has corners.
+        // Four lines connect the camera with the outline, also if the outline is a circle.
         if i % (ends.len() / 4).max(1) == 0 {
             polyline(painter, rect, orbit, &[pose.position, end], pen);
         }
@@ -230,7 +230,8 @@ fn frustum(entry: &SiteCamera, pose: &Camera, distance: f64) -> Vec<WorldPoint> 
     (0..RIM_POINTS).filter_map(on_rim).collect()
 }
 
-/// Returns the index of the camera near a screen point of the 3-D scene.
+/// Returns the index of the camera nearest to a screen point of the 3-D scene; `None` if it is 24 points away or
+/// farther.
 #[must_use]
 pub fn pick(rect: Rect, orbit: &Orbit, session: &Session, at: Pos2) -> Option<usize> {
     let shown = (0..session.site.cameras.len()).filter_map(|index| {

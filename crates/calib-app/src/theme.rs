@@ -49,13 +49,13 @@ const fn hex(rgb: u32) -> Color32 {
     Color32::from_rgb((rgb >> 16) as u8, (rgb >> 8) as u8, rgb as u8)
 }
 
-/// Converts a colour of the drawings to a colour of the window.
+/// Converts a colour of `calib_draw` to a colour of egui.
 #[must_use]
 pub const fn colour(Rgb([red, green, blue]): Rgb) -> Color32 {
     Color32::from_rgb(red, green, blue)
 }
 
-/// Converts a colour of the drawings, with opacity `alpha` from 0 to 255.
+/// Converts a colour of `calib_draw`, with opacity `alpha` from 0 to 255.
 const fn with_alpha(Rgb(rgb): Rgb, alpha: u8) -> Color32 {
     const fn share(value: u8, alpha: u8) -> u8 {
         ((value as u32 * alpha as u32 + 127) / 255) as u8
@@ -117,7 +117,7 @@ pub mod on_image {
     pub const WAITING: Color32 = colour(Rgb::INCOMPLETE);
     /// Colour of uncertain values.
     pub const DOUBT: Color32 = colour(Rgb::UNKNOWN);
-    /// Colour of suspicious lines.
+    /// Colour of rejected lines (outliers) and of other errors.
     pub const BAD: Color32 = colour(Rgb::BAD);
     /// Colour of dragged, selected or focused handles.
     pub const ACCENT: Color32 = colour(Rgb::ACCENT);

@@ -10,7 +10,7 @@ pub use calib_report::decimals;
 
 use crate::theme;
 
-/// Window width of a phone, in points; narrower windows stack the panels.
+/// Window width below which the panels are stacked, as on a phone, in points.
 pub(crate) const PHONE: f32 = 640.0;
 
 /// Window width below which the camera list is a rail and icons replace labels, in points.

@@ -86,7 +86,8 @@ typedef enum CalibResult {
   CALIB_RESULT_SHORT = 4,
   // A text is not valid UTF-8.
   CALIB_RESULT_NOT_TEXT = 5,
-  // A value is invalid; the error message names it and the expected value.
+  // A value is invalid, or the requested property does not exist. The error message, if the call has one, contains
+  // the reason.
   CALIB_RESULT_REFUSED = 6,
   // Internal error of this library: please report it.
   CALIB_RESULT_PANICKED = 7,
@@ -152,7 +153,7 @@ enum CalibResult calib_site_calibrate(const struct CalibSite *site,
 
 // Writes a site as zero-terminated JSON text into `buffer`, and the required size in bytes into `*needed`.
 //
-// `size` is the size of `buffer`. `needed` may be null. Call this with a size of 0 to get the required size.
+// `size` is the size of `buffer`. `needed` may be null. Call the function with a size of 0 to get the required size.
 //
 // # Safety
 // `site` is a handle that is not freed during the call. `size` bytes of `buffer` and `*needed` can be
@@ -184,12 +185,12 @@ void calib_site_free(struct CalibSite *site);
 
 // Creates a handle of a calibrated camera.
 //
-// `at` is a time such as "2026-05-01T08:00:00Z". It is required if the id has several periods, and may be
-// null otherwise. `stream` selects the pixels of all calls; null selects the calibrated image, with pixels
+// `at` is a time such as "2026-05-01T08:00:00Z". It is required if the id has several periods, and may be null
+// otherwise. All calls with this camera use pixels of `stream`. Null selects the calibrated image, with pixels
 // counted from its corner.
 //
-// `*camera` receives a handle, to be freed by `calib_camera_free`. It does not need the site any more. On
-// failure a message is written to `error`, cut to `error_size` bytes. `error` may be null.
+// `*camera` receives a handle, to be freed by `calib_camera_free`. The handle stays valid after the site is freed.
+// On failure a message is written to `error`, cut to `error_size` bytes. `error` may be null.
 //
 // # Safety
 // `site` is a handle that is not freed during the call. `id` and `at` end with a zero. `*stream` can be
@@ -308,9 +309,9 @@ enum CalibResult calib_camera_distortion(const struct CalibCamera *camera,
 
 // Writes the covariance of the camera's parameters, a square matrix with `CALIB_UNKNOWNS` rows.
 //
-// They are x, y, z (metres), yaw, pitch, roll (radians), and focal length (pixels of the calibrated image). Five
-// distortion coefficients follow in the order of their model, then the principal point u, v (pixels of the
-// calibrated image) and the pixel aspect. For a fisheye the fifth distortion parameter is the logarithm of the
+// The parameters are x, y, z (metres), yaw, pitch, roll (radians), and focal length (pixels of the calibrated
+// image). Five distortion coefficients follow in the order of their model, then the principal point u, v (pixels of
+// the calibrated image) and the pixel aspect. For a fisheye the fifth distortion parameter is the logarithm of the
 // lens's focal length. Rows of fixed parameters are 0. A variance is infinite if it is unknown, for example of z
 // without a known scale.
 //
@@ -337,7 +338,8 @@ enum CalibResult calib_camera_to_floor(const struct CalibCamera *camera,
                                        double *y,
                                        uint8_t *status);
 
-// Maps boxes of a detector to points of the plane. The foot point of a box is the middle of its lower edge.
+// Maps boxes of a detector to points of the plane `height_m` metres above the floor. The foot point of a box is the
+// middle of its lower edge.
 //
 // `form` is a `CALIB_BOX`, and `boxes` contains four values for each of `count` boxes. Other arguments are
 // as for `calib_camera_to_floor`.
@@ -353,8 +355,8 @@ enum CalibResult calib_camera_boxes_to_floor(const struct CalibCamera *camera,
                                              double *y,
                                              uint8_t *status);
 
-// Computes the covariance of the floor points of pixels, for a standard deviation of `sigma_px` pixels of
-// the stream.
+// Computes the covariance of the points that pixels show on the plane `height_m` metres above the floor. The
+// standard deviation of a pixel coordinate is `sigma_px` pixels of the stream.
 //
 // `pixel` and `calibration` receive four values for each of `count` pixels: xx, xy, yx, yy in square metres.
 // The pixel part is independent between detections. The calibration part is common to all detections of a camera, so
@@ -374,8 +376,8 @@ enum CalibResult calib_camera_floor_covariance(const struct CalibCamera *camera,
                                                double *pixel,
                                                double *calibration);
 
-// Computes the covariance of the foot points of boxes, for a standard deviation of `sigma_px` pixels of each
-// coordinate of the foot point.
+// Computes the covariance of the points of boxes on the plane `height_m` metres above the floor. The standard
+// deviation of each coordinate of the foot point is `sigma_px` pixels of the stream.
 //
 // `form` and `boxes` are as for `calib_camera_boxes_to_floor`, other arguments as for
 // `calib_camera_floor_covariance`.

@@ -309,9 +309,9 @@ const _: () = assert!(
 
 /// Writes the covariance of the camera's parameters, a square matrix with `CALIB_UNKNOWNS` rows.
 ///
-/// They are x, y, z (metres), yaw, pitch, roll (radians), and focal length (pixels of the calibrated image). Five
-/// distortion coefficients follow in the order of their model, then the principal point u, v (pixels of the
-/// calibrated image) and the pixel aspect. For a fisheye the fifth distortion parameter is the logarithm of the
+/// The parameters are x, y, z (metres), yaw, pitch, roll (radians), and focal length (pixels of the calibrated
+/// image). Five distortion coefficients follow in the order of their model, then the principal point u, v (pixels of
+/// the calibrated image) and the pixel aspect. For a fisheye the fifth distortion parameter is the logarithm of the
 /// lens's focal length. Rows of fixed parameters are 0. A variance is infinite if it is unknown, for example of z
 /// without a known scale.
 ///

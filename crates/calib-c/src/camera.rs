@@ -68,12 +68,12 @@ impl CalibStream {
 
 /// Creates a handle of a calibrated camera.
 ///
-/// `at` is a time such as "2026-05-01T08:00:00Z". It is required if the id has several periods, and may be
-/// null otherwise. `stream` selects the pixels of all calls; null selects the calibrated image, with pixels
+/// `at` is a time such as "2026-05-01T08:00:00Z". It is required if the id has several periods, and may be null
+/// otherwise. All calls with this camera use pixels of `stream`. Null selects the calibrated image, with pixels
 /// counted from its corner.
 ///
-/// `*camera` receives a handle, to be freed by `calib_camera_free`. It does not need the site any more. On
-/// failure a message is written to `error`, cut to `error_size` bytes. `error` may be null.
+/// `*camera` receives a handle, to be freed by `calib_camera_free`. The handle stays valid after the site is freed.
+/// On failure a message is written to `error`, cut to `error_size` bytes. `error` may be null.
 ///
 /// # Safety
 /// `site` is a handle that is not freed during the call. `id` and `at` end with a zero. `*stream` can be

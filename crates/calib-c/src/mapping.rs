@@ -48,7 +48,8 @@ fn finite(value: f64) -> Result<f64, CallError> {
     if value.is_finite() { Ok(value) } else { Err(CalibResult::Refused.into()) }
 }
 
-/// Maps boxes of a detector to points of the plane. The foot point of a box is the middle of its lower edge.
+/// Maps boxes of a detector to points of the plane `height_m` metres above the floor. The foot point of a box is the
+/// middle of its lower edge.
 ///
 /// `form` is a `CALIB_BOX`, and `boxes` contains four values for each of `count` boxes. Other arguments are
 /// as for `calib_camera_to_floor`.
@@ -93,8 +94,8 @@ fn box_form(form: u32) -> Result<BoxForm, CallError> {
     }
 }
 
-/// Computes the covariance of the floor points of pixels, for a standard deviation of `sigma_px` pixels of
-/// the stream.
+/// Computes the covariance of the points that pixels show on the plane `height_m` metres above the floor. The
+/// standard deviation of a pixel coordinate is `sigma_px` pixels of the stream.
 ///
 /// `pixel` and `calibration` receive four values for each of `count` pixels: xx, xy, yx, yy in square metres.
 /// The pixel part is independent between detections. The calibration part is common to all detections of a camera, so
@@ -133,8 +134,8 @@ pub unsafe extern "C" fn calib_camera_floor_covariance(
     })
 }
 
-/// Computes the covariance of the foot points of boxes, for a standard deviation of `sigma_px` pixels of each
-/// coordinate of the foot point.
+/// Computes the covariance of the points of boxes on the plane `height_m` metres above the floor. The standard
+/// deviation of each coordinate of the foot point is `sigma_px` pixels of the stream.
 ///
 /// `form` and `boxes` are as for `calib_camera_boxes_to_floor`, other arguments as for
 /// `calib_camera_floor_covariance`.

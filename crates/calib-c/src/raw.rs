@@ -25,7 +25,8 @@ pub enum CalibResult {
     Short = 4,
     /// A text is not valid UTF-8.
     NotText = 5,
-    /// A value is invalid; the error message names it and the expected value.
+    /// A value is invalid, or the requested property does not exist. The error message, if the call has one, contains
+    /// the reason.
     Refused = 6,
     /// Internal error of this library: please report it.
     Panicked = 7,

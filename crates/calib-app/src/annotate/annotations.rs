@@ -19,7 +19,7 @@ use crate::widgets::{describe, heading, length_field, number};
 pub(crate) enum SizeChoice {
     /// Typical size of a common object, such as a door, from the table `USUAL_SIZES`.
     Like(&'static UsualSize),
-    /// Current size of the annotation, kept as a measured length or height in metres.
+    /// Usual size of the annotation, to be used as its measured length or height, in metres.
     Measured(Known),
 }
 
@@ -88,7 +88,7 @@ pub(crate) fn annotations_ui(app: &mut App, ui: &mut Ui) {
     ui.spacing_mut().item_spacing.y = 0.0;
     for row in KINDS {
         let mut letter = 'a';
-        // Annotations without a name or settings are listed under one heading per kind.
+        // Unnamed annotations of a kind without settings are listed under one heading.
         let (plain, named): (Vec<usize>, Vec<usize>) = (0..annotations.len())
             .filter(|&i| annotations[i].kind == row.kind)
             .partition(|&i| row.is_one_group() && annotations[i].name.is_none());
@@ -172,7 +172,8 @@ fn group(
     requests.extend(requested_size(ui, units, annotation, index, guess));
 }
 
-/// Shows a field for the size of an annotation that waits for it; returns the request with the entered size.
+/// Shows a field for the size of an annotation that is off until its size is entered. Returns the request with the
+/// entered size.
 fn requested_size(
     ui: &mut Ui,
     units: Units,
@@ -277,7 +278,8 @@ fn line_row(
     }
 }
 
-/// Paints a residual in pixels at the right end of a row, with its bar. `sigma` is the standard deviation of the line.
+/// Paints a residual in pixels at the right end of a row, with its bar. `sigma` is the standard deviation of a click,
+/// in pixels.
 fn residual_cell(ui: &Ui, rect: Rect, px: f64, sigma: f64) {
     let palette = theme::palette(ui.ctx());
     bar(ui, rect, px / sigma);
@@ -286,7 +288,7 @@ fn residual_cell(ui: &Ui, rect: Rect, px: f64, sigma: f64) {
     ui.painter().text(at, Align2::RIGHT_CENTER, text, theme::regular(12.0), palette.text);
 }
 
-/// Whether a line of an annotation is selected.
+/// Whether a line or a vertex of an annotation is selected.
 fn is_selected(app: &App, index: usize) -> bool {
     let is_own = |part: &Part| match *part {
         Part::Line { annotation, .. } | Part::Vertex { annotation, .. } => annotation == index,

@@ -63,7 +63,7 @@ fn not_found(app: &App) -> String {
     format!("{}: {why}. Enter the centre and radius of the image circle.", entry.id)
 }
 
-/// Whether the current camera has a fisheye lens, with given coefficients or with coefficients to be fitted.
+/// Whether the current camera has a fisheye lens. The entered lens model decides; without one, the solution decides.
 fn is_fisheye(app: &App) -> bool {
     let session = app.editor.session();
     let lens = session.entry().and_then(|entry| entry.lens.as_ref());

@@ -55,7 +55,7 @@ pub(crate) fn blend_old(
 fn ghosts(app: &App, camera: usize, place: Place) -> Option<ProposedLines<'_>> {
     let is_shown = place == Place::Main && camera == app.editor.session().camera;
     let proposed = app.shown_proposal().filter(|_| is_shown)?;
-    // If two calibrations explain the edges equally well, their horizons distinguish them.
+    // Two calibrations that explain the edges equally well are both shown, because their horizons distinguish them.
     let is_believed = proposed.confidence != Confidence::None || proposed.alternative.is_some();
     Some(ProposedLines { preview: app.editor.preview()?, is_believed, lit: app.hover.lit_group })
 }

@@ -14,8 +14,8 @@ pub(crate) fn known_values_ui(app: &mut App, ui: &mut Ui) {
     let Some(entry) = app.editor.session().entry() else { return };
     let (of, size) = (Period::from_camera(entry), entry.size_px);
     let lens = entry.lens.clone().unwrap_or_default();
-    // A camera with the lens of another camera uses the values of that camera. A window refers to an image of another
-    // size.
+    // A camera with the lens of another camera uses the values of that camera. With a window, the lens refers to an
+    // image of another size.
     if lens.like.is_some() || lens.window_px.is_some() {
         return;
     }
@@ -35,7 +35,7 @@ fn contents(app: &mut App, ui: &mut Ui, (of, size): (&Period, [u32; 2]), lens: &
     principal_point(app, ui, size, lens);
 }
 
-/// Shows the field for the data sheet. A text that is not understood stays in the field, with a message below it.
+/// Shows the field for the data sheet. Invalid text stays in the field, with a message below it.
 fn data_sheet(app: &mut App, ui: &mut Ui, (of, size): (&Period, [u32; 2]), lens: &LensEntry) {
     let palette = theme::palette(ui.ctx());
     let salt = ui.scope_id().with(("data sheet", &of.camera, &of.from));
@@ -75,7 +75,7 @@ fn data_sheet(app: &mut App, ui: &mut Ui, (of, size): (&Period, [u32; 2]), lens:
     }
 }
 
-/// Shows the choice of the pixel aspect, and its value if it is entered.
+/// Shows the choice of the pixel aspect, and a field for an entered value.
 fn pixel_aspect(app: &mut App, ui: &mut Ui, size: [u32; 2], lens: &LensEntry) {
     let palette = theme::palette(ui.ctx());
     let own = lens.pixel_aspect;

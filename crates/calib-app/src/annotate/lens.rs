@@ -25,7 +25,7 @@ enum LensSource {
     Fitted(Vec<Coefficient>),
     /// Fit of a fisheye model.
     Fisheye,
-    /// Coefficients that the operator entered or imported.
+    /// Coefficients that the operator entered or imported; they are fixed.
     Given,
     /// Lens of another camera with this id.
     Like(String),
@@ -192,7 +192,7 @@ pub fn fit(app: &mut App) {
     set_source(app, LensSource::Fitted(DEFAULT_COEFFICIENTS.to_vec()));
 }
 
-/// Shows the given distortion coefficients, and the focal length in pixels to which they refer.
+/// Shows the entered distortion coefficients, and the focal length for which they are valid, in pixels.
 fn coefficients(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let lens = app.editor.session().entry().and_then(|entry| entry.lens.as_ref());

@@ -88,7 +88,7 @@ fn mark_row(app: &mut App, ui: &mut Ui, index: usize) {
     }
 }
 
-/// Shows the menu of known courts; returns whether one was chosen.
+/// Shows the menu of known courts. Writes the chosen court size to `size_m`; returns whether a court was chosen.
 fn court_menu(ui: &mut Ui, units: Units, size_m: &mut Vec<f64>) -> bool {
     let mut is_chosen = false;
     ui.menu_button("Known courts\u{2026}", |ui| {
@@ -208,7 +208,8 @@ fn apply_request(app: &mut App, request: RowRequest) {
     }
 }
 
-/// Returns the indices of the cameras that observe at least one link, in the order of the site.
+/// Returns the indices of the cameras that observe at least one link, in the order of the site. A camera with several
+/// periods is listed once.
 fn linked_cameras(app: &App) -> Vec<usize> {
     let site = app.editor.site();
     let is_linked = |id: &str| site.links.iter().any(|link| link.seen.iter().any(|seen| seen.camera == id));
@@ -305,7 +306,8 @@ fn joint_residual(app: &App, ui: &mut Ui, link: usize, camera: &str) {
     ui.label(RichText::new(format!("{:.1}", residual.px)).small().color(colour)).on_hover_text(said);
 }
 
-/// Shows the fields for kind and height of a link; returns the index and the changed link.
+/// Shows the fields for the kind, height or length of a link. Returns the index and the changed link; `None` without a
+/// change.
 fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
     let link = app.editor.session().site.links.get(index)?;
     let mut new = link.clone();
@@ -366,8 +368,7 @@ fn post_fields(app: &App, ui: &mut Ui, link: &Link, new: &mut Link) {
     }
 }
 
-/// Returns the disagreement of two views on the floor as text, with the distance that their uncertainty
-/// explains.
+/// Returns the disagreement of two views on the floor as text, with its standard deviation if it is known.
 fn distance_text(app: &App, apart: LinkDistance) -> String {
     let units = app.editor.session().site.units;
     apart.sigma.map_or_else(
@@ -376,8 +377,8 @@ fn distance_text(app: &App, apart: LinkDistance) -> String {
     )
 }
 
-/// Shows the number of the current camera's links whose views disagree on the floor by more than three standard
-/// deviations, with a button that shows all cameras.
+/// Shows the number of links of the current camera whose views disagree on the floor by more than three standard
+/// deviations. A button shows all cameras.
 pub(crate) fn far_apart(app: &mut App, ui: &mut Ui) {
     let (far, all) = inconsistent_links(app.editor.session(), app.editor.session().camera);
     if all == 0 {

@@ -42,7 +42,7 @@ pub(crate) fn paint_on_image(app: &App, camera: usize, overlay: &Overlay, painte
         for at in overlay.path(&own) {
             handle(painter, at, on_image::WAITING);
         }
-        // The panel shows the reason.
+        // The panel shows the reason for a missing value.
         let is_valid = matches!(shown.values.get(index), Some(Ok(_)));
         let text = if is_valid { shown.text(index, measurement, units) } else { "not measured".into() };
         let at = overlay.path(&[last]).first().copied().unwrap_or_default();
@@ -50,12 +50,12 @@ pub(crate) fn paint_on_image(app: &App, camera: usize, overlay: &Overlay, painte
     }
 }
 
-/// Whether the tool that measures is active.
+/// Whether the Measure tool is active.
 pub(crate) fn is_measuring(app: &App) -> bool {
     app.editor.has_tool(calib_editor::Icon::Measure)
 }
 
-/// Shows the settings of the tool, and the list of measurements.
+/// Shows the settings of the Measure tool while it is active, and the list of measurements.
 pub(crate) fn measurements_ui(app: &mut App, ui: &mut Ui) {
     update_measurements(app);
     heading(ui, "Measurements", "no effect on the calibration");
@@ -68,7 +68,7 @@ pub(crate) fn measurements_ui(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// Shows the quantity that the tool measures, and the height of its points.
+/// Shows the choice of the quantity that the Measure tool measures, and the height of the measured points.
 fn settings_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let before = app.editor.session().tool.ruler;
@@ -179,7 +179,8 @@ fn removed(app: &App, index: usize, name: &str) -> Action {
     Action::Change { site: Box::new(site), name: format!("remove {name}") }
 }
 
-/// Returns the camera and the ends of a length on the floor of one image; `None` for other measurements.
+/// Returns the camera and the end points of a floor length that was measured in one image; `None` for other
+/// measurements.
 fn line_of(app: &App, measurement: &Measurement) -> Option<(usize, [Pixel; 2])> {
     let [a, b] = &measurement.points[..] else { return None };
     let is_line = measurement.kind == MeasurementKind::Length

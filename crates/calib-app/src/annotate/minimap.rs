@@ -14,8 +14,8 @@ const MARGIN: f32 = 10.0;
 /// Smallest side of a canvas that shows a minimap, in points.
 const MIN_CANVAS_SIDE: f32 = 360.0;
 
-/// Returns the rectangle of the minimap; `None` if the canvas is small, shows the whole image, or shows a
-/// fisheye window.
+/// Returns the rectangle of the minimap; `None` if the canvas is small or shows the whole image. A fisheye window
+/// does not count as the whole image.
 pub(crate) fn rect(mapping: &Mapping, size: [f64; 2]) -> Option<Rect> {
     let [w, h] = size;
     let corners = [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(|at| mapping.screen(at));

@@ -17,8 +17,8 @@ use crate::widgets::{cells, decimals, heading, length_field, number};
 /// Default standard deviation of a tape measurement, in metres.
 pub(crate) const TAPE: f64 = 0.01;
 
-/// Shows an empty field for a length, with an estimate as a hint. Returns the length in metres once the
-/// operator has entered it. The field gets the focus if `requested` was requested.
+/// Shows an empty field for a length, with an estimate as a hint. Returns the length in metres once the operator has
+/// entered it. The field gets the focus if it is the field `requested` and its focus was requested.
 pub(crate) fn empty_field(
     ui: &mut Ui,
     salt: impl std::hash::Hash + std::fmt::Debug,
@@ -109,8 +109,8 @@ impl Number {
         }
     }
 
-    /// Returns the value of the quantity and its sigma, both in the unit of the site file. The value is `None` if the
-    /// solution does not contain it, the sigma if it is unknown.
+    /// Returns the value of the quantity and its sigma, both in the unit of the site file. Returns `None` if the
+    /// solution does not contain the quantity. The sigma is `None` if it is unknown.
     fn value_and_sigma(self, solution: &Solution) -> Option<(f64, Option<f64>)> {
         let sigma = solution.sigma.as_ref();
         Some(match self {
@@ -184,7 +184,7 @@ pub(crate) fn result_ui(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// Shows a menu of annotations that determine the scale; returns the index of the tool of the chosen one.
+/// Shows a menu of annotations that determine the scale; returns the index of the tool for the chosen annotation.
 fn scale_menu(ui: &mut Ui) -> Option<usize> {
     let mut chosen = None;
     ui.menu_button("Draw a person, a door or a known length\u{2026}", |ui| {
@@ -222,8 +222,8 @@ fn centre_row(ui: &mut Ui, solution: &Solution) {
     );
 }
 
-/// Shows a quantity of the result. For a camera that looks straight down, pitch and roll are undetermined.
-/// The tilt and its direction replace them.
+/// Shows a quantity of the result. For a camera that looks straight down, pitch and roll are undetermined. The angle
+/// from the vertical and the direction of the image top replace them.
 pub(crate) fn orientation_row(app: &mut App, ui: &mut Ui, solution: &Solution, which: Number) {
     let down = solution.camera().and_then(|camera| camera.straight_down());
     // A quantity with an entry keeps its row, so that the operator can remove the entry.
@@ -241,7 +241,7 @@ pub(crate) fn orientation_row(app: &mut App, ui: &mut Ui, solution: &Solution, w
     }
 }
 
-/// Label for the direction on the plan of the top of the image.
+/// Label for the direction of the image top on the plan.
 pub(crate) const TOP: &str = "Image top";
 
 fn down_cells(ui: &mut Ui, title: &str, angle: f64, sigma: Option<f64>) {
@@ -367,7 +367,7 @@ fn view_row(app: &App, ui: &mut Ui, solution: &Solution) {
 
 fn lens_row(ui: &mut Ui, solution: &Solution) {
     let Some(distortion) = &solution.distortion else { return };
-    // Tangential coefficients are too small to be read here.
+    // Tangential coefficients are too small for the three decimals of the row.
     let is_shown = |which: &Coefficient| !matches!(which, Coefficient::P1 | Coefficient::P2);
     let value = |which| distortion.coefficient(which).filter(|value| *value != 0.0);
     let used: Vec<(&str, f64)> = Coefficient::ALL

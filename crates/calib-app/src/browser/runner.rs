@@ -42,7 +42,7 @@ struct Stage {
 
 /// Starts the app on the page's canvas.
 pub(super) fn start() {
-    // The page reports the panic and offers the site for download. Unwinding is not possible here.
+    // The page reports the panic and offers the site for download. Unwinding is not possible in the browser.
     std::panic::set_hook(Box::new(|info| page::panicked(&info.to_string())));
     let query = web_sys::window().and_then(|window| window.location().search().ok()).unwrap_or_default();
     let stage = Stage {

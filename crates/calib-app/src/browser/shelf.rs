@@ -24,7 +24,7 @@ use crate::storage::demo;
 /// Key of the theme in the local storage.
 const THEME_KEY: &str = "calib.theme";
 
-/// Returns the local storage; `None` where the browser has none, as in a private window.
+/// Returns the local storage; `None` if the browser does not have one, as in a private window.
 fn storage() -> Option<web_sys::Storage> {
     web_sys::window()?.local_storage().ok()?
 }

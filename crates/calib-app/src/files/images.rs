@@ -184,8 +184,8 @@ impl App {
         self.jobs.adding.push(task);
     }
 
-    /// Starts comparing newer images with their cameras. The file name begins with the id of the camera;
-    /// otherwise the current camera is compared.
+    /// Starts comparing newer images with their cameras. A file belongs to the camera whose id is at the beginning
+    /// of its name, otherwise to the current camera.
     pub fn add_newer(&mut self, ctx: &Context, files: Vec<Chosen>) {
         let in_hand = self.editor.session().entry().map(|entry| entry.id.clone());
         for file in files {
@@ -218,7 +218,8 @@ impl App {
         self.read_named_still(ctx, file, title, None)
     }
 
-    /// Starts reading an image file with a name for the operator. `pixel_aspect` is `None` for square pixels.
+    /// Starts reading an image file. `title` is the name that the operator sees. `pixel_aspect` is `None` for square
+    /// pixels.
     fn read_named_still(
         &mut self,
         ctx: &Context,
@@ -252,7 +253,8 @@ impl App {
         })
     }
 
-    /// Adds cameras for the images that are read.
+    /// Adds cameras for the images that have been read, and replaces the image of a camera if its new image has been
+    /// read.
     pub(crate) fn poll_stills(&mut self) {
         let was_empty = self.editor.site().cameras.is_empty();
         // Threads finish in any order; cameras keep the order of their files.
@@ -287,8 +289,9 @@ impl App {
         }
     }
 
-    /// Converts an image that was read to an image for the site. A PNG of the image is first stored in the site. It
-    /// exists for a rasterised SVG drawing, and for a format that only the browser decodes.
+    /// Converts an image that was read to an image for the site. If the reader created a PNG of the image, the PNG
+    /// is first stored in the site. The reader does so for an SVG drawing and for a format that only the browser
+    /// decodes.
     pub(crate) fn stored(&mut self, picture: ReadPicture) -> NewImage {
         let ReadPicture { still, drawn, .. } = picture;
         let Some(png) = drawn else { return still };

@@ -210,7 +210,7 @@ impl App {
         self.add_newer(ctx, newer);
     }
 
-    /// Adds the images that the site lacks from `files` to the site, and removes these files from `files`.
+    /// Stores the files that are missing images of the site in the site, and removes these files from `files`.
     fn attach(&mut self, files: &mut Vec<Chosen>) {
         let made = self.editor.session().images.missing.is_some();
         let mut used = vec![false; files.len()];

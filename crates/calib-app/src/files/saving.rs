@@ -124,7 +124,8 @@ impl App {
         while let Some(news) = self.storage.shelf.as_mut().and_then(|shelf| shelf.news()) {
             match news {
                 News::Opened(found) => {
-                    // The storage keeps its entry; later changes replace it.
+                    // Without the storage, `open` cannot begin a new entry there. Later changes replace the opened
+                    // entry.
                     let shelf = self.storage.shelf.take();
                     let Found { site, images, path, .. } = *found;
                     self.open(Opened { site, images, path, is_unsaved: true });
@@ -206,7 +207,7 @@ impl App {
 }
 
 impl App {
-    /// Saves the site to its file; does nothing if the site has no file yet.
+    /// Saves the site to its file; has no effect if the site has no file yet.
     pub fn save(&mut self) {
         if let Some(path) = self.editor.session().path.clone() {
             self.save_to(path);

@@ -27,7 +27,7 @@ impl App {
         self.jobs.picture = Some(picture);
     }
 
-    /// Receives the requested screenshot, and asks for its file.
+    /// Receives the requested screenshot, and asks the operator for the name of its file.
     pub(crate) fn poll_picture(&mut self, ctx: &Context) {
         let Some(image) = self.jobs.picture.as_ref().and_then(|picture| picture.try_recv().ok()) else {
             return;

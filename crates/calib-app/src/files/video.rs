@@ -23,7 +23,7 @@ impl App {
         self.next_video(ctx);
     }
 
-    /// Opens the sheet for the next video, if it is closed.
+    /// Opens the sheet for the next video if no sheet is open.
     fn next_video(&mut self, ctx: &Context) {
         if self.jobs.video.is_none()
             && let Some(file) = self.jobs.videos.pop_front()
@@ -53,8 +53,8 @@ impl App {
     }
 }
 
-/// Shows the sheet that takes an image from the current video. Opens the sheet of the next waiting
-/// video when it is closed.
+/// Shows the sheet that takes an image from the current video. Opens the sheet of the next waiting video when the
+/// current sheet is closed.
 pub(crate) fn video_ui(app: &mut App, ctx: &Context) {
     let Some(mut sheet) = app.jobs.video.take() else { return app.next_video(ctx) };
     sheet.poll(ctx);
@@ -74,7 +74,7 @@ pub(crate) fn video_ui(app: &mut App, ctx: &Context) {
     let window = Window::new("Image from a video").title_bar(false).resizable(false).default_width(WIDTH);
     window.anchor(Align2::CENTER_TOP, Vec2::new(0.0, 56.0)).show(ctx, |ui| {
         ui.set_width(WIDTH.min(room.x));
-        // Without a minimum, the height of the last frame would limit the height of this one.
+        // Without a minimum, the previous height of the sheet would limit its new height.
         let height = room.y.max(200.0);
         let area = ScrollArea::vertical().max_height(height).min_scrolled_height(height);
         area.show(ui, |ui| is_open = sheet_ui(&mut sheet, ui));
@@ -230,7 +230,7 @@ fn status_ui(sheet: &VideoSheet, ui: &mut Ui) {
         }
         ui.label(RichText::new(text).color(palette.text2));
     } else {
-        // The height of the sheet stays the same.
+        // An empty label keeps the height of the sheet constant.
         ui.label("");
     }
 }

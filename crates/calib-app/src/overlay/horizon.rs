@@ -1,4 +1,4 @@
-//! Horizon on an image; if several cameras fit equally well, the band between their horizons.
+//! Horizon on an image; if several solutions of the camera fit equally well, the band between their horizons.
 
 use calib_core::{Camera, Covariance, Pixel};
 
@@ -75,7 +75,7 @@ impl Overlay<'_> {
         }
     }
 
-    /// Hatches the band between the horizons of the two extreme cameras that fit the annotations.
+    /// Hatches the band between the horizons of the two extreme solutions that fit the annotations.
     fn paint_band(&self, painter: &Painter, ends: &[Camera; 2], entry: &SiteCamera) {
         let clip = painter.clip_rect();
         let columns = (clip.width() / COLUMN_WIDTH).ceil() as usize + 1;
@@ -106,7 +106,7 @@ impl Overlay<'_> {
     }
 }
 
-/// Returns the screen y of a line at every column, from the left; `None` where the line does not reach.
+/// Returns the screen y of a line at every column, from the left; `None` for a column that the line does not cross.
 fn heights(pieces: &[Vec<Pos2>], left: f32, columns: usize) -> Vec<Option<f32>> {
     let mut heights = vec![None; columns];
     for pair in pieces.iter().flat_map(|piece| piece.windows(2)) {

@@ -31,7 +31,8 @@ impl<'a> Overlay<'a> {
         (layers.field, layers.extensions) = (false, false);
     }
 
-    /// Paints the edge points of each image on its side of the wipe line.
+    /// Paints the edge points of each image on its side of the wipe line. If the images are aligned, also paints the
+    /// annotations at their new positions.
     pub(crate) fn paint_changed(&self, painter: &Painter, Changed { newer, split }: &Changed<'_>) {
         let clip = painter.clip_rect();
         let left = painter.with_clip_rect(clip.intersect(left_of(*split)));
@@ -94,7 +95,7 @@ impl Overlay<'_> {
                 && self.session.selection.contains(&Part::Line { annotation, segment })
     }
 
-    /// Returns the colour of a line by its kind or, if that layer is on, by its residual.
+    /// Returns the colour of a line by its kind or, if colouring by residual is on, by its residual.
     fn used_colour(&self, painter: &Painter, drawn: &AnnotatedLine) -> Color32 {
         match drawn.over_sigma.filter(|_| self.layers.by_residual) {
             Some(over_sigma) => theme::residual(theme::palette(painter.ctx()), over_sigma),

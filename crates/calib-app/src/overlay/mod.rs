@@ -89,7 +89,7 @@ pub struct Overlay<'a> {
     pub drawing: bool,
     /// Time since the first rejected line (outlier) changed, in seconds; determines its blinking.
     pub time: f64,
-    /// Cameras that fit the annotations as well as the solution.
+    /// Alternative solutions of the camera that fit the annotations equally well.
     pub family: Option<&'a Family>,
     /// Index of the link that needs a click in another view.
     pub begun: Option<usize>,
@@ -275,7 +275,8 @@ impl Overlay<'_> {
         self.session.solved.is_link_unchecked(&self.session.site, link, self.camera)
     }
 
-    /// Paints the name of an element if it is selected, unfinished, or near the pointer.
+    /// Paints the name of an element if it is selected, incomplete or near the pointer. With `names_elements`, also
+    /// paints the names of other marks and links that have room.
     fn paint_label(&self, painter: &Painter, at: Pos2, text: &str, meaning: Meaning) {
         let is_selected = self.is_selected(meaning);
         let (is_shown, by, align) = match meaning {

@@ -38,10 +38,10 @@ impl Scene for Supposed<'_> {
     }
 }
 
-/// Automatic calibration as it is painted.
+/// Automatic calibration of the shown camera, for its overlay.
 #[derive(Clone, Copy, Debug)]
 pub struct ProposedLines<'a> {
-    /// Preview of the camera of the automatic calibration.
+    /// Pose and solution of the camera from the automatic calibration.
     pub preview: &'a Preview,
     /// Whether the confidence is high enough to show horizon and grid of the camera.
     pub is_believed: bool,

@@ -151,7 +151,7 @@ fn disagreement_ui(app: &mut App, ui: &mut Ui, worst: &Agreement) {
     }
 }
 
-/// Selects the link on which the current camera and the camera `with` disagree most.
+/// Selects the link with the largest gap on the floor between the current camera and the camera `with`.
 fn select_worst_link(app: &mut App, with: usize) {
     let session = app.editor.session();
     let ids = [session.camera, with].map(|camera| &session.site.cameras[camera].id);

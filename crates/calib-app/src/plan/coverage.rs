@@ -1,5 +1,5 @@
-//! Measured coverage: on the floor plan, the visible floor coloured by its pixel density, with a legend of the area of
-//! each level and the density under the pointer; in the images, the borders of the levels.
+//! Measured coverage. The floor plan shows the visible floor in colours for the pixel density or the number of cameras,
+//! with a legend. The images show the borders of the levels.
 
 use calib_report::level_colour;
 use calib_site::Site;
@@ -27,7 +27,7 @@ pub(crate) fn update_coverage(app: &mut App) {
     app.coverage = Some(shown);
 }
 
-/// Paints the levels, the walls and the areas of interest.
+/// Paints the levels, the walls, the areas of interest, and the hand-over zone whose list row is under the pointer.
 pub(crate) fn paint_coverage(
     shown: Option<&ShownCoverage>,
     site: &Site,
@@ -56,10 +56,11 @@ pub(crate) fn paint_coverage(
     }
 }
 
-/// Paints the borders of the levels in the image of a camera, if the coverage is shown. Nothing is painted while the
+/// Paints the borders of the levels in the image of a camera, if the coverage is shown. No border is painted while the
 /// scale is unknown.
 ///
-/// Returns the labels with their places: level, limit, and standard deviation of the border on the floor.
+/// Returns the labels with their screen positions. A label contains the level, its limit, and the standard deviation of
+/// the border on the floor.
 pub(crate) fn paint_borders(
     app: &mut App,
     camera: usize,
@@ -91,7 +92,7 @@ pub(crate) fn paint_borders(
     borders.iter().filter_map(label).collect()
 }
 
-/// Paints walls, and the outlines of the areas of interest, with their results if there are any.
+/// Paints walls, and the outlines of the areas of interest, with their results once they are computed.
 fn paint_survey(site: &Site, found: Option<&Computed>, painter: &Painter, mapping: &Mapping) {
     for wall in &site.walls {
         let ends = [wall.from_m, wall.to_m].map(|end| mapping.screen(end.into()));
@@ -119,7 +120,7 @@ fn paint_survey(site: &Site, found: Option<&Computed>, painter: &Painter, mappin
     }
 }
 
-/// Shows the legend in a corner of the plan, with the height of the targets to choose. Returns its rectangle;
+/// Shows the legend in a corner of the plan, with the choices of the colours and the targets. Returns its rectangle;
 /// `None` if the plan is too small.
 pub(crate) fn legend_ui(app: &mut App, ui: &mut Ui, rect: Rect) -> Option<Rect> {
     /// Smallest size of a plan with a legend, in points.

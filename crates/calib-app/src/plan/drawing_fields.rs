@@ -73,7 +73,7 @@ fn labelled(ui: &mut Ui, title: &str, field: DragValue<'_>) -> bool {
     .inner
 }
 
-/// Shows the unit of a DXF.
+/// Shows the choice of the unit of a DXF. Returns the name of the undo step if the unit was changed.
 fn unit(ui: &mut Ui, units_per_px: f64, plan: &mut Plan) -> Option<&'static str> {
     let palette = theme::palette(ui.ctx());
     let own = plan.metres_per_px / units_per_px;
@@ -96,7 +96,7 @@ fn unit(ui: &mut Ui, units_per_px: f64, plan: &mut Plan) -> Option<&'static str>
     changed
 }
 
-/// Shows the layers of a DXF as check boxes.
+/// Shows the layers of a DXF as check boxes. Returns the name of the undo step if a layer was switched.
 fn layers(ui: &mut Ui, drawing: &DrawingFacts, plan: &mut Plan) -> Option<&'static str> {
     /// Largest height of the list, in points.
     const MAX_HEIGHT: f32 = 180.0;
@@ -123,7 +123,7 @@ fn layers(ui: &mut Ui, drawing: &DrawingFacts, plan: &mut Plan) -> Option<&'stat
     changed
 }
 
-/// Shows a menu with the shown layers of a DXF, whose straight lines become walls for the coverage.
+/// Shows a menu with the visible layers of a DXF. The straight lines of the chosen layer become walls for the coverage.
 #[inline(never)]
 pub(crate) fn walls_menu(app: &mut App, ui: &mut Ui) {
     let drawing = app.plan_picture().and_then(|picture| picture.drawing.as_ref());

@@ -164,7 +164,7 @@ impl Floor<'_> {
         tag(painter, at + Vec2::new(side, 0.0), align, &text, on_image::WHITE);
     }
 
-    /// Paints the field of view of a camera before it was moved.
+    /// Paints the earlier field of view of a camera whose position or yaw has changed.
     fn paint_ghost(&self, painter: &Painter, index: usize) {
         let Some(Some(before)) = self.before.get(index) else { return };
         let solved = &self.session.solved;

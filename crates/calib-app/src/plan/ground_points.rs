@@ -31,7 +31,7 @@ pub(crate) fn ground_points_ui(app: &mut App, ui: &mut Ui) {
     grid_field(app, ui);
 }
 
-/// Shows the field for the grid of points with east and north.
+/// Shows the field for the map grid (EPSG code) of points with east and north coordinates.
 fn grid_field(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let site = &app.editor.session().site;
@@ -149,8 +149,8 @@ fn new_point(app: &mut App, ui: &mut Ui) {
     app.typed_point = text;
 }
 
-/// Returns the ids of the cameras in which a ground point is clicked, each with the distance of the click from
-/// the coordinates of the point.
+/// Returns the ids of the cameras in which a ground point is clicked. Each id is followed by the distance between
+/// the click and the coordinates of the point.
 fn cameras_with(session: &Session, id: &str, georeference: Option<&Georeference>) -> Vec<String> {
     let (site, units) = (&session.site, session.site.units);
     let with_distance = |(index, camera): (usize, &SiteCamera)| {

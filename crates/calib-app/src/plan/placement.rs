@@ -1,4 +1,4 @@
-//! Panel of stage 2: the numbers of the placement, and scale and opacity of the plan.
+//! Panel of stage 2: the numbers of the placement, the scale of the plan, and the opacity of projected images.
 
 use calib_core::Placement;
 use calib_core::floor::STAGE_1_HEIGHT;
@@ -39,7 +39,7 @@ pub fn placement_ui(app: &mut App, ui: &mut Ui) {
     from_stage_1(app, ui);
 }
 
-/// Yaw of a camera as the panel shows it, with title and sigma in degrees.
+/// Yaw that the panel shows for a camera: its title, and its value and sigma in degrees.
 struct ShownYaw {
     title: &'static str,
     degrees: f64,

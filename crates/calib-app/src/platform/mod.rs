@@ -71,7 +71,7 @@ pub(crate) struct PlacementRequest {
     pub(crate) plan: Option<Arc<RgbImage>>,
 }
 
-/// Address of a camera, and how to read it.
+/// Address of a camera, with the credentials and the option for reading an image from it.
 #[cfg_attr(target_arch = "wasm32", expect(dead_code, reason = "browsers do not read these addresses"))]
 pub(crate) struct SnapshotRequest {
     pub(crate) address: String,
@@ -300,7 +300,7 @@ pub(crate) trait Platform {
     /// Cancels the running edge measurement and automatic calibration.
     fn stop_proposing();
 
-    /// Searches the placements of cameras by the colours of their images.
+    /// Searches for the placements of cameras, by the colours of their images.
     fn place(
         ctx: &Context,
         asked: PlacementRequest,

@@ -71,7 +71,7 @@ fn facing_up(pose: &Camera) -> Camera {
     camera
 }
 
-/// Returns the part of a circle on the floor around the foot of a camera that its image shows.
+/// Returns the points of a circle on the floor, around the foot of a camera, that are visible in its image.
 fn visible_circle(camera: &Camera, [w, h]: [f64; 2]) -> Vec<FloorPoint> {
     /// Radius of the circle, in camera heights.
     const RADIUS_IN_HEIGHTS: f64 = 4.0;

@@ -1,5 +1,5 @@
-//! Camera list with thumbnails, missing steps and floor error. Also the dock that compares two cameras that
-//! fit the lines equally well.
+//! Camera list with thumbnails, missing steps and floor error. Also the dock that compares two solutions of a camera
+//! that fit its lines equally well.
 
 use calib_core::{floor_grid, on_image};
 use calib_editor::{Action, CameraStatus, Family, Fit, StatusLevel, camera_status, steps, summary};
@@ -245,11 +245,11 @@ fn thumbnail(app: &mut App, ui: &Ui, name: Option<&str>, rect: Rect) {
     }
 }
 
-/// Height of the dock that compares two cameras, in points.
+/// Height of the dock that compares two solutions of a camera, in points.
 pub(crate) const HEIGHT: f32 = 236.0;
 
-/// Shows a message over the lower edge of the image if several fields of view fit the annotations. Its button
-/// opens the comparison of two such cameras.
+/// Shows a message over the lower edge of the image if several fields of view fit the annotations. Its button opens
+/// the comparison of two such solutions.
 pub(crate) fn offer(app: &mut App, ui: &mut Ui, rect: Rect, is_tall: bool) {
     let palette = theme::palette(ui.ctx());
     let Some((_, family)) = app.editor.family() else { return };
@@ -283,7 +283,7 @@ pub(crate) fn offer(app: &mut App, ui: &mut Ui, rect: Rect, is_tall: bool) {
     });
 }
 
-/// Shows the dock below the image, with two cameras that fit the lines equally well.
+/// Shows the dock below the image, which compares two solutions of a camera that fit its lines equally well.
 pub(crate) fn dock_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let Some((_, family)) = app.editor.family() else { return };
@@ -323,8 +323,8 @@ pub(crate) fn dock_ui(app: &mut App, ui: &mut Ui) {
     actions.into_iter().for_each(|action| app.send(action));
 }
 
-/// Shows one of the two cameras with numbers, image and floor. Returns its field of view in degrees if the
-/// operator chose it.
+/// Shows one of the two solutions with numbers, image and floor. Returns the field of view, in degrees, if the
+/// operator moved its slider.
 fn card(app: &App, ui: &mut Ui, family: &Family, which: usize) -> Option<f64> {
     let palette = theme::palette(ui.ctx());
     let Fit { view, solution, pose } = &family.shown[which];

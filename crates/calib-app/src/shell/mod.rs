@@ -245,7 +245,7 @@ fn surveyed(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// Shows the measurements, if the site has any or the tool that measures is active.
+/// Shows the measurements, if the site has any or the Measure tool is active.
 fn measured(app: &mut App, ui: &mut Ui) {
     if !app.editor.site().measurements.is_empty() || measurements::is_measuring(app) {
         section(ui, |ui| measurements::measurements_ui(app, ui));

@@ -93,8 +93,8 @@ fn single(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place) {
     camera_header(app, ui, above, (camera, place), &switches);
 }
 
-/// Shows the image of the current camera. Below, shows the image of the camera that shares most of its floor
-/// area, if there is room.
+/// Shows the image of the current camera. If there is room, also shows the image of the camera that sees the most
+/// corners of its field of view.
 fn images(app: &mut App, ui: &mut Ui, rect: Rect) {
     let camera = app.editor.session().camera;
     let Some(other) = neighbour(app, camera).filter(|_| rect.height() > 500.0) else {
@@ -107,7 +107,8 @@ fn images(app: &mut App, ui: &mut Ui, rect: Rect) {
     pane::image(app, ui, bottom.with_min_y(bottom.top() + HEADER_HEIGHT), other, Place::Tile);
 }
 
-/// Returns the index of the placed camera that sees most of the field of view of `camera`.
+/// Returns the index of the placed camera that sees the most corners of the field of view of `camera`; `None` if no
+/// other camera sees one.
 fn neighbour(app: &App, camera: usize) -> Option<usize> {
     let own = app.editor.session().solved.solution(camera)?;
     let shared = |index: usize| {

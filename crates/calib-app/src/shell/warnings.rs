@@ -116,7 +116,7 @@ fn rejected_observations(app: &App) -> Vec<(Warning, Part)> {
     outliers.filter_map(here).collect()
 }
 
-/// Shows the buttons for a rejected observation.
+/// Shows the buttons for a rejected line or link observation.
 fn part_buttons(ui: &mut Ui, part: Part, request: &mut Option<WarningAction>) {
     ui.horizontal_wrapped(|ui| {
         if ui.button("Show").on_hover_text("Zoom to the item").clicked() {

@@ -56,13 +56,13 @@ pub struct ViewState {
     pub coverage: bool,
     /// Whether uncertainty ellipses are magnified.
     pub magnified: bool,
-    /// Whether the floor, seen from above, is shown next to the image.
+    /// Whether the floor, seen from above, is shown below the camera list.
     pub above: bool,
     /// Whether the poses before the joint solve are shown next to the new ones.
     pub show_before: bool,
-    /// Viewpoint of the 3-D scene; `None` until the scene is first moved.
+    /// Viewpoint of the 3-D scene; `None` until the scene is first shown.
     pub orbit: Option<Orbit>,
-    /// Whether two cameras that fit the lines equally well are shown side by side.
+    /// Whether two solutions of a camera that fit its lines equally well are shown side by side.
     pub compares_views: bool,
     /// Filter and order of the camera list.
     pub list: List,
@@ -213,7 +213,7 @@ pub struct App {
     pub tour: Tour,
     /// Ids of the links or marks between which the next distance is measured.
     pub pair: [String; 2],
-    /// Values of the measurements; `None` until the site has one.
+    /// Values of the measurements; `None` until they are first shown.
     pub(crate) measurements: Option<ShownMeasurements>,
     /// Coverage that the plan shows; `None` until it is first shown.
     pub coverage: Option<ShownCoverage>,
@@ -468,7 +468,7 @@ impl App {
         }
     }
 
-    /// Zooms the current image to a part of it.
+    /// Zooms the image of the current camera to the points of `part`.
     pub fn reveal(&mut self, part: Part) {
         let camera = self.editor.session().camera;
         let key = (Place::Main, Pane::Image(camera));
@@ -560,7 +560,7 @@ impl App {
         self.view.panes.views.remove(&(Place::Main, own));
     }
 
-    /// Turns the virtual view of the current fisheye image to a raw pixel.
+    /// Points the virtual view of the current fisheye image at a raw pixel.
     pub(crate) fn look_at(&mut self, pixel: Pixel) {
         let camera = self.editor.session().camera;
         let Some((lens, focal, _)) = self.fisheye(camera) else { return };
@@ -577,8 +577,8 @@ impl App {
         EllipseSize { is_magnified: self.view.magnified }
     }
 
-    /// Returns the annotation that is suggested next for the current camera. `None` without a suggestion, or if the
-    /// layer is hidden. If the floor error of the camera is already small, only a known size is suggested.
+    /// Returns the annotation that is suggested next for the current camera. `None` without a suggestion, or if
+    /// suggestions are hidden. If the floor error of the camera is already small, only a known size is suggested.
     #[must_use]
     pub fn proposal(&self) -> Option<&SuggestionEntry> {
         /// Relative floor error below which no more lines are suggested.
@@ -624,8 +624,8 @@ impl App {
         self.editor.session().proposed().filter(|_| self.view.mode == Mode::Image)
     }
 
-    /// Whether Enter and Escape apply to the automatic calibration: no gesture is active and no button has
-    /// the focus.
+    /// Whether Enter and Escape apply to the automatic calibration: no gesture is active and no widget has the
+    /// focus.
     pub(crate) fn decides_proposal(&self, ctx: &Context) -> bool {
         self.shown_proposal().is_some()
             && self.editor.tool().is_idle()

@@ -28,9 +28,9 @@ pub(crate) struct AutomaticReport {
 pub(crate) struct AutomaticRow {
     /// Camera and its calibration period.
     pub(crate) of: Period,
-    /// Confidence of the automatic calibration and its reason; `None` if this run did not calibrate the camera.
+    /// Confidence of the automatic calibration and its reason; `None` if this run did not try to calibrate the camera.
     pub(crate) calibration: Option<(Confidence, String)>,
-    /// Result of the placement and its reason; `None` if the position was not searched.
+    /// Result of the placement and its reason; `None` if this run did not search for the position.
     pub(crate) placement: Option<(RowPlacement, String)>,
 }
 
@@ -60,7 +60,7 @@ enum Step {
     Calibrated,
     /// Decoding of the images of the cameras that are placed.
     Reading(Box<Reading>),
-    /// Search of the placements.
+    /// Search for the placements.
     Placing(Box<Placing>),
 }
 
@@ -322,7 +322,7 @@ impl App {
         report: &mut AutomaticReport,
         own: Box<Placing>,
     ) -> Result<Option<Step>, String> {
-        /// Interval in which the status line shows the progress, in seconds.
+        /// Interval at which the status line updates the progress, in seconds.
         const INTERVAL_S: f32 = 0.25;
         let Some(found) = finished_result(&own.task) else {
             ctx.request_repaint_after_secs(INTERVAL_S);

@@ -13,7 +13,7 @@ pub enum Shading {
     /// Level, such as "recognise", of the highest pixel density that any camera has at a floor point.
     #[default]
     Level,
-    /// Number of cameras.
+    /// Number of cameras that see a floor point.
     Cameras,
 }
 
@@ -53,7 +53,8 @@ pub(crate) struct ShownBorder {
 }
 
 impl ShownBorder {
-    /// Places the label at the pixel of the border that is nearest to the middle of the image's `width`.
+    /// Creates a border with its label at the pixel that is horizontally nearest to the image centre. `width` is the
+    /// width of the image, in pixels; `height` is the height of the targets, in metres.
     fn new(border: DensityBorder, pose: &Camera, limits: &LevelLimits, width: f64, height: f64) -> Self {
         /// Largest relative difference of the pixel density from the limit of the level. At a larger difference, the
         /// pixel is on the edge of the visible floor.
@@ -127,7 +128,7 @@ pub(crate) type LegendEntry = (Rgb, String, f64);
 pub(crate) struct ShownHandOver {
     /// Ids of the cameras.
     pub(crate) cameras: [String; 2],
-    /// Floor that both cameras see, in square metres.
+    /// Area of the floor that both cameras see, in square metres.
     pub(crate) area: f64,
     /// Point in the middle of the zone.
     pub(crate) middle: FloorPoint,
@@ -278,8 +279,8 @@ impl ShownCoverage {
         }
     }
 
-    /// Returns the borders of the levels in the image of a camera, computed when its angles, its height or its lens
-    /// change.
+    /// Returns the borders of the levels in the image of a camera. They are computed again only if the inputs in
+    /// [`ImageBorders`] have changed.
     pub(crate) fn borders(
         &mut self,
         camera: usize,

@@ -31,13 +31,13 @@ pub struct Conflict {
 /// Decision of the operator about a conflict on saving.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Decision {
-    /// Discards the conflict and opens the file as it is now. The unsaved work remains as an autosave.
+    /// Discards the conflict and opens the current version of the file. The unsaved work remains as an autosave.
     Reload,
     /// Saves to another file.
     SaveAs,
     /// Overwrites the file.
     Overwrite,
-    /// Writes nothing.
+    /// Does not write the file.
     Leave,
 }
 

@@ -36,8 +36,8 @@ impl ShownMeasurements {
         self.inputs = Some((generation, poses, measurements.clone()));
     }
 
-    /// Returns a sentence with the limits of a speed that follow from times in whole seconds; `None` for all other
-    /// measurements.
+    /// Returns a sentence with the smallest and largest possible speed if the times were rounded to whole seconds;
+    /// `None` for all other measurements.
     pub(crate) fn remark(&self, index: usize, measurement: &Measurement, units: Units) -> Option<String> {
         let found = self.values.get(index)?.as_ref().ok()?;
         speed_remark(measurement, *found, units)

@@ -11,7 +11,7 @@ use crate::state::Mode;
 #[derive(Clone, Debug, Default)]
 pub struct Tour {
     pub(crate) step: Option<usize>,
-    /// True camera that the newcomer calibrates; the demonstration contains it.
+    /// True pose and lens of the camera that the newcomer calibrates, from the demonstration.
     truth: Option<Camera>,
     /// Marks at the start of the tour.
     marks: Vec<Mark>,
@@ -160,7 +160,7 @@ impl Tour {
         }
     }
 
-    /// Whether the true camera shows that a line is not vertical in space.
+    /// Whether a line is not vertical in space, according to the true camera of the demonstration.
     fn is_leaning(&self, line: &[Pixel]) -> bool {
         /// Largest angle in the image between a line and the true vertical, in radians.
         const MAX_LEAN_RAD: f64 = 0.07;
@@ -246,7 +246,7 @@ impl Tour {
     }
 }
 
-/// Largest relative error of a length that the newcomer enters.
+/// Largest accepted relative error of the length that the newcomer enters.
 const MAX_LENGTH_ERROR: f64 = 0.05;
 
 /// Largest RMS distance between the positions of a link according to two cameras, in metres.

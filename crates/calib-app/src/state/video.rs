@@ -55,8 +55,8 @@ pub(crate) struct Still {
     pub(crate) times_s: Option<[f64; 2]>,
     pub(crate) image: Arc<RgbImage>,
     pub(crate) texture: TextureHandle,
-    /// Image with the changed pixels marked, and two shares of pixels, 0 to 1: those that moving objects covered in
-    /// some of the frames, and in at least a third of them. `None` for a frame.
+    /// Image with the changed pixels marked, and two shares of pixels, 0 to 1. Moving objects covered the first
+    /// share in some of the frames, and the second share in at least a third of them. `None` for a frame.
     pub(crate) changed: Option<(TextureHandle, [f64; 2])>,
 }
 
@@ -199,8 +199,8 @@ impl Drop for VideoSheet {
     }
 }
 
-/// Writes an image to the folder of its video, or of another file. If another file has the name, a number is added to
-/// it. If there is no folder, or the image cannot be written, it is returned in memory.
+/// Writes an image to the folder of the file `neighbour`, such as its video. If another file has the name, a number is
+/// added to the name. If there is no folder, or the image cannot be written, it is returned in memory.
 pub(crate) fn save_image(neighbour: Option<&Path>, name: &str, ending: &str, bytes: Vec<u8>) -> Chosen {
     const MAX_NUMBER: u32 = 100;
     let named = |number: u32| match number {
@@ -234,7 +234,7 @@ fn texture(ctx: &Context, image: &RgbImage) -> TextureHandle {
     ctx.load_texture("video", pixels, TextureOptions::LINEAR)
 }
 
-/// Returns the image with some pixels tinted.
+/// Returns the image with the `changed` pixels tinted.
 fn marked(image: &RgbImage, changed: &[bool]) -> RgbImage {
     const TINT: [u8; 3] = [255, 96, 0];
     let mut marked = image.clone();

@@ -17,7 +17,7 @@ pub enum Mode {
     Image,
     /// Image and plan.
     Plan,
-    /// Images of all cameras.
+    /// Images of all cameras, and the plan.
     All,
     /// 3-D scene.
     Scene,
@@ -52,9 +52,9 @@ pub struct Panes {
     pub(crate) captured: Option<(Place, Pane)>,
     /// Screen point of the last press.
     pub(crate) pressed: Pos2,
-    /// Whether the pointer moved farther than a click since the last press.
+    /// Whether the pointer has moved farther than a click allows since the last press.
     pub(crate) moved: bool,
-    /// Last pointer position while a button was down: in pixels of the image, or in metres on the plan.
+    /// Last pointer position that was sent to the tool: in pixels of the image, or in metres on the plan.
     pub(crate) pointed: [f64; 2],
     /// Whether the last press was the second of a double click.
     pub(crate) double: bool,
@@ -151,7 +151,7 @@ pub struct Layers {
     pub extensions: bool,
     /// Colours of lines by residual instead of by kind.
     pub by_residual: bool,
-    /// Lines that would reduce the uncertainty most.
+    /// Suggested lines, which would reduce the uncertainty the most.
     pub suggestion: bool,
     /// Detected edges, which a click accepts as lines.
     pub edges: bool,
@@ -192,7 +192,7 @@ pub struct Orbit {
     pub pitch: f64,
 }
 
-/// Distance of the near plane from the eye, in metres; nothing nearer is painted.
+/// Distance of the near plane from the eye, in metres; closer points are not painted.
 pub(crate) const NEAR: f64 = 0.05;
 
 impl Orbit {
@@ -237,7 +237,7 @@ impl Orbit {
         rect.center() + Vec2::new((focal * x / z) as f32, (focal * y / z) as f32)
     }
 
-    /// Projects a world point to the screen; `None` behind the near plane.
+    /// Projects a world point to the screen; `None` for a point nearer than the near plane or behind the eye.
     #[must_use]
     pub fn project(&self, rect: Rect, point: WorldPoint) -> Option<Pos2> {
         let seen = self.seen(point);

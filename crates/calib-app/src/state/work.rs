@@ -48,8 +48,8 @@ impl App {
             || !self.jobs.arriving.is_empty()
     }
 
-    /// Cancels the running work of one kind. The order is refinement, automatic calibration, comparisons and
-    /// recovery, reading and edge detection.
+    /// Cancels the first running work in this order: refinement, automatic calibration, comparisons and recovery,
+    /// reading and edge detection.
     pub fn stop_work(&mut self) {
         if self.jobs.refining.take().is_some() {
             self.act(Action::Note("Refinement cancelled. No camera pose was changed.".into()));

@@ -131,7 +131,7 @@ impl Autosave {
 /// Autosave slots of a folder that one window has locked.
 #[derive(Debug, Default)]
 pub(crate) struct Slots {
-    /// Autosaves of crashed sessions.
+    /// Autosaves of sessions that crashed or ended without saving.
     pub(crate) found: Vec<(Autosave, Found)>,
     /// Slot of this window.
     pub(crate) autosave: Option<Autosave>,
@@ -175,7 +175,7 @@ pub struct Recent {
 const MAX_RECENT_SITES: usize = 8;
 
 impl Recent {
-    /// Creates the entry of a site; its images are searched in the folder of `path`.
+    /// Creates the entry of a site; image names are relative to the folder of `path`.
     #[must_use]
     pub fn of(path: &Path, site: &Site, at: u64) -> Self {
         let stem = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());

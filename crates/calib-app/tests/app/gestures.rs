@@ -28,7 +28,7 @@ fn title(kind: Kind) -> &'static str {
     kind.row().title
 }
 
-/// Draws all annotations of a model's camera.
+/// Draws all annotations of a camera of the site `model`.
 fn draw_camera(desk: &mut Desk, camera: usize, model: &Site) {
     let image = Pane::Image(camera);
     for annotation in &model.cameras[camera].annotations {
@@ -101,7 +101,7 @@ fn calibration_by_pointer_gives_the_solution_of_the_file() {
         let id = camera["id"].as_str().unwrap();
         assert_eq!(camera["solution"], told[id], "{id}: the file and `calib solve` differ");
         assert!(!camera["solution"].is_null(), "{id}");
-        // The panel shows it, too.
+        // The panel shows the same focal length.
         if index > 0 {
             desk.key(Key::CloseBracket);
         }
@@ -199,8 +199,8 @@ fn two_pinned_marks_correct_a_misplaced_camera() {
     assert_eq!(desk.site().marks[2].seen.len() + desk.site().marks[3].seen.len(), 2);
 }
 
-/// Returns the shop without its plan, in the frame of its first camera. The others are placed roughly by
-/// hand.
+/// Returns the shop without its plan and its links, in the frame of its first camera. The other cameras are
+/// displaced from their true poses.
 fn without_plan() -> (Site, Vec<calib_site::Link>) {
     let mut site = demo();
     let truth = calib_demo::demo_site().truth;

@@ -1,5 +1,4 @@
-//! Nothing is lost: a gesture in progress, a replaced site with unsaved work, and results while solving is
-//! paused.
+//! No work is lost: a gesture in progress, a replaced site with unsaved work, and results while solving is paused.
 
 use calib_app::command::Command;
 use calib_editor::{Action, Pane};

@@ -17,7 +17,7 @@ use crate::desk::{Desk, demo};
 /// Canvas of the first camera.
 const IMAGE: Pane = Pane::Image(0);
 
-/// Selects the tool with this quantity, for points at this height.
+/// Selects the Measure tool for the quantity `kind` and for points at `height`, in metres above the floor.
 fn measure(desk: &mut Desk, kind: MeasurementKind, height: f64) {
     desk.take("Measure");
     desk.app().act(Action::Ruler(RulerSettings { kind, height }));
@@ -156,7 +156,8 @@ fn compared(scratch: &Scratch, change: impl Fn(&Camera) -> Camera) -> Desk {
     compared_files(scratch, names, change, |image, path, _| image.save(path).unwrap())
 }
 
-/// Does the same with images of these names. `save` writes an image with its number.
+/// Works as [`compared`], with image files of the names `old` and `new`. `save` writes an image; its number is 0 for
+/// the old image and 1 for the newer one.
 fn compared_files(
     scratch: &Scratch,
     [old, new]: [&str; 2],

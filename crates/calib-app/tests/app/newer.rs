@@ -23,7 +23,7 @@ fn store() -> (SiteCamera, Camera) {
     (demo.site.cameras[index].clone(), demo.truth[index].1)
 }
 
-/// Opens a window with only that camera.
+/// Opens a window with only the camera of [`store`]; `old` is the file name of its image.
 fn desk(scratch: &Scratch, old: &str) -> Desk {
     let entry = SiteCamera { image: Some(path(scratch, old)), ..store().0 };
     Desk::new(Site { cameras: vec![entry], ..Site::new() })

@@ -85,7 +85,7 @@ fn files_of_other_programs_are_imported() {
     scratch.write("points.csv", "name,lat_deg,lon_deg\nhydrant,48.137154,11.576124\n");
     for order in [["calibration.yml", "points.csv"], ["points.csv", "calibration.yml"]] {
         let mut desk = Desk::new(Site::new());
-        // Both together are no format, so each is opened alone.
+        // No format consists of both files, so each file is imported alone.
         open(&mut desk, &scratch, &order);
         assert_eq!(error(&desk), "");
         let lens = desk.site().cameras[0].lens.clone().unwrap();
@@ -120,7 +120,7 @@ fn site_opens_with_its_images_and_names_other_files() {
     open(&mut desk, &scratch, &["a.png", "other.png", "site.json"]);
     assert_eq!(desk.site().cameras.len(), 1, "{}", error(&desk));
     assert!(note(&desk).contains("other.png") && !note(&desk).contains("a.png,"), "{}", note(&desk));
-    // In a sorted file, the format is behind the cameras; and a damaged site does not touch the open one.
+    // In a file with sorted keys, the format is after the cameras. A damaged site file does not change the open site.
     let padding = " ".repeat(70_000);
     let sorted =
         site.replace("\"image\": \"a.png\", ", "").replace("\"version\"", &format!("{padding}\"version\""));
@@ -222,7 +222,7 @@ fn typed_names_get_an_extension() {
         desk.harness.run_steps(3);
         assert!(scratch.path(written).is_file(), "{written}: {}", error(&desk));
     }
-    // A file that was not named is not replaced without a question.
+    // An existing file is not replaced without confirmation if its extension was not typed.
     scratch.write("other.json", "keep");
     desk.app().type_path(Purpose::SavePlain);
     desk.harness.run_steps(2);
@@ -270,8 +270,8 @@ fn zoom_of_an_image_has_limits() {
     }
 }
 
-/// Starts a camera that sends an image for `/snapshot.jpg` with the password "secret". Returns its address without
-/// scheme.
+/// Starts a server that sends an image for every request with the user name "admin" and the password "secret".
+/// Returns its address without scheme.
 fn camera() -> String {
     use std::io::{BufRead as _, BufReader, Write as _};
     let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();

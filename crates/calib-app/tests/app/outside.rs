@@ -161,7 +161,7 @@ fn chosen_files_are_read_without_asking() {
     }
 }
 
-/// Opens a window without a site that keeps its work in a folder.
+/// Opens a window without a site; the window keeps its autosaves in `folder`.
 fn window_of(folder: &std::path::Path) -> Desk {
     let app = App::new(&Context::default(), Some(folder.to_path_buf()));
     let harness = Harness::builder()

@@ -184,7 +184,7 @@ fn hundred_percent_is_one_image_pixel_per_screen_pixel() {
     }
 }
 
-/// Returns the plan's text about another camera.
+/// Returns the text about another camera in the agreement panel of the plan view.
 fn agreement(desk: &Desk, id: &str) -> Option<String> {
     desk.words().into_iter().find(|word| word.starts_with(&format!("{id}: overlap ")))
 }
@@ -349,7 +349,7 @@ fn singular_is_used_for_one() {
     }
 }
 
-/// The start page of an app whose shelf keeps one site with an image.
+/// Tests of the site storage (shelf), and of the stored sites on the start page.
 mod start {
     use super::*;
     use calib_app::storage::autosave::{Entry, News, Shelf, Work};
@@ -357,7 +357,7 @@ mod start {
     use std::cell::RefCell;
     use std::rc::Rc;
 
-    /// Kept sites, and the thumbnails that were requested to be kept.
+    /// Storage for tests: the stored sites, and the thumbnail of every call of `keep`.
     #[derive(Debug)]
     struct Kept(Vec<Entry>, Rc<RefCell<Vec<Option<String>>>>);
 

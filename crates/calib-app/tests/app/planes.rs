@@ -87,7 +87,7 @@ fn region_is_drawn_and_height_is_entered() {
     assert!(region[1].distance([14.0, 5.0].into()) < 0.05);
     let id = desk.site().planes[0].id.clone();
     assert!(desk.words().iter().any(|word| word.contains("Region with 3 corners")));
-    // Its height is set to known, in the combo box of its label.
+    // The height of the plane is set to "known" in its combo box.
     open(&mut desk, "Height above the floor");
     click(&mut desk, "known");
     assert_eq!(desk.site().planes[0].height_m, Some(PlaneNumber::Exact(0.0)));

@@ -74,7 +74,7 @@ fn two_keys_calibrate_the_demonstration_or_abstain() {
         let rival = proposed.alternative.as_ref().map(|rival| rival.orientation);
         if let (Some(own), Some(rival), Confidence::None) = (proposed.orientation, rival, proposed.confidence)
         {
-            // Two cameras explain the edges equally well; the operator selects the correct one.
+            // Two solutions explain the edges equally well; the operator selects the correct one.
             let near = |at: &Orientation| (at.focal / truth.focal).ln().abs();
             let seen = if near(&own) < near(&rival) { own } else { rival };
             desk.key(Key::Enter);
@@ -103,7 +103,7 @@ fn two_keys_calibrate_the_demonstration_or_abstain() {
         println!(
             "{id}: {gestures} gestures, calibrated in {seconds:.1} s, {drawn} strokes, off {own:.3?}; by hand {by_hand} strokes, off {hand:.3?}"
         );
-        // Or so close to the truth that the difference does not matter.
+        // Smaller errors are negligible: log focal length, pitch and roll in degrees.
         let limits = [0.005, 0.1, 0.15];
         assert!((0..3).all(|i| own[i] <= hand[i].max(limits[i])), "{id}: {own:?}, by hand {hand:?}");
         assert!(gestures <= 3, "{id}");
@@ -113,8 +113,8 @@ fn two_keys_calibrate_the_demonstration_or_abstain() {
     assert!(as_good >= 5, "{as_good} of five flat cameras are as good as by hand");
 }
 
-/// Opens a window with an image of bars and detects its two groups of edges: verticals and one floor
-/// direction.
+/// Opens a window with an automatic calibration that waits for a decision. Its groups are the vertical and the
+/// parallel annotations of the first camera of the demonstration.
 fn proposed() -> Desk {
     let mut camera = SiteCamera::new("a", [1920, 1080]);
     camera.image = None;
@@ -202,8 +202,8 @@ fn camera_without_an_image_is_reported_and_work_can_be_cancelled() {
     assert!(desk.app().editor.session().proposed().is_none());
 }
 
-/// Distances between two cameras and directions to each other in their own frames, which no similarity of
-/// the site changes: ratio of two distances, and bearings in radians.
+/// Returns quantities that no similarity of the site changes: log ratios of the distances between three cameras, and
+/// the bearing of each camera in the frame of every other, in radians. `at` contains x, y and yaw of each camera.
 fn shape(at: [[f64; 3]; 3]) -> Vec<f64> {
     let to = |a: usize, b: usize| [at[b][0] - at[a][0], at[b][1] - at[a][1]];
     let length = |a: usize, b: usize| to(a, b)[0].hypot(to(a, b)[1]);

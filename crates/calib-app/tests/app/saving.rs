@@ -84,7 +84,7 @@ fn read_only_file_asks_for_another_path() {
 fn path_is_typed_without_a_file_chooser() {
     let scratch = Scratch::new();
     let mut desk = Desk::new(demo());
-    // No file chooser is available if it is refused at once.
+    // A file chooser that is closed at once means that the system has no file chooser.
     desk.app().dialogs.chooser = |purpose| Dialog::refused(purpose);
     desk.keys(Modifiers::COMMAND | Modifiers::SHIFT, Key::S);
     desk.harness.run_steps(3);

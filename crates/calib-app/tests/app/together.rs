@@ -78,7 +78,7 @@ fn joint_solution_survives_a_restart() {
     assert_eq!((pose(&app), pose(&app).focal), (kept, focal));
 }
 
-/// Returns the demonstration with contradictory verticals in the first camera, some of which become outliers.
+/// Returns the demonstration with contradictory verticals in the first camera. Some of the verticals become outliers.
 fn contradictory() -> Site {
     let mut site = demo();
     site.cameras.truncate(1);

@@ -41,7 +41,8 @@ impl Newcomer {
         self.desk.harness.run_steps(3);
     }
 
-    /// Returns the annotated edges and tile joints of the demonstration. They are visible in its image.
+    /// Returns the lines of every annotation of a kind in the first camera of the demonstration. The lines follow edges
+    /// and tile joints that are visible in the image.
     fn visible(&self, kind: Kind) -> Vec<Vec<Vec<Pixel>>> {
         let demo = calib_demo::demo_site().site;
         let of_kind = demo.cameras[0].annotations.iter().filter(|drawn| drawn.kind == kind).cloned();
@@ -104,7 +105,7 @@ fn floor_lines(newcomer: &mut Newcomer) {
     }
 }
 
-/// Returns two floor lines of one direction and two that cross them, as far apart as possible.
+/// Returns two floor lines of one direction, and two floor lines perpendicular to them, on the free floor.
 fn joints(newcomer: &Newcomer) -> ([[Pixel; 2]; 2], [[Pixel; 2]; 2]) {
     let [a, b, c, d] = [[250.0, 800.0], [1300.0, 950.0], [1500.0, 500.0], [600.0, 450.0]]
         .map(|at| newcomer.eye.pixel_to_floor(at.into(), 0.0).unwrap());

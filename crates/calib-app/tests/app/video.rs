@@ -44,7 +44,7 @@ fn wait_for(desk: &mut Desk, text: &str) {
     panic!("{text:?} is not shown: {:?}", desk.words());
 }
 
-/// Clicks the button with this text when it is enabled, and waits until cameras are added.
+/// Clicks "Use this image" once the image is read, and waits until the site has this number of cameras.
 fn use_image(desk: &mut Desk, cameras: usize) {
     wait_for(desk, "in the folder of the video");
     desk.harness.get_by_label("Use this image").click();

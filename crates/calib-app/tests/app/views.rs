@@ -86,7 +86,7 @@ fn positions_on_the_map_have_a_standard_deviation() {
     let found = Geographic { latitude: lat.to_radians(), longitude: lon.to_radians(), height: 0.0 };
     let error = plane.to_world(found).distance(plane.to_world(truth));
     assert!(error < 0.1, "{error} m");
-    // The mean of seven points of 0.5 m, and the azimuth.
+    // The mean of seven points of 0.5 m each, and the azimuth, determine the standard deviation.
     assert!((0.15..0.6).contains(&sigma), "{sigma}");
     let [near, far] = [[12.0, 5.0], [30.0, -12.0]].map(|[x, y]| {
         let [[a, b], [_, d]] =
@@ -516,7 +516,7 @@ fn hall_dxf(unit: i32) -> String {
     )
 }
 
-/// Shows the plan of the hall in metres.
+/// Opens the drawing of the hall in metres as the plan, and shows the plan.
 fn hall_in_metres() -> (Scratch, Desk) {
     let scratch = Scratch::new();
     scratch.write("hall.dxf", hall_dxf(6));

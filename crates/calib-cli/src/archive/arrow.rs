@@ -95,8 +95,8 @@ impl Stream {
         Ok(!self.chunk.is_empty())
     }
 
-    /// Reads a message, and returns whether more can follow. None follows an end marker or an invalid
-    /// message; the decoder reports the latter.
+    /// Reads a message, and returns whether more messages can follow. No message follows an end marker or an invalid
+    /// message; the decoder reports an invalid message.
     fn read_message(&mut self, bytes: &mut Vec<u8>) -> Result<bool, CommandError> {
         self.read(bytes, 4)?;
         if *bytes == CONTINUATION {

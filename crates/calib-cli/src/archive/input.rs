@@ -118,8 +118,8 @@ impl FileCompression {
     }
 }
 
-/// Encoder that finishes its compressed stream on the first flush, so that an error of finishing is reported.
-/// A table writer flushes once, at its end.
+/// Encoder that finishes its compressed stream on the first flush, so that an error at its end is reported. A table
+/// writer flushes once, at its end.
 struct FinishOnFlush<E: Finish>(Option<E>);
 
 trait Finish: Write {
@@ -156,7 +156,7 @@ pub(crate) struct Input {
     /// Name for messages.
     pub(crate) name: String,
     from: Origin,
-    /// Number of bytes read so far.
+    /// Number of bytes read so far, before decompression.
     read: Rc<Cell<u64>>,
     /// Size of the file, in bytes; absent for a pipe.
     pub(crate) bytes: Option<u64>,

@@ -102,7 +102,7 @@ pub(crate) struct Format {
     pub(crate) about: &'static str,
     /// File name extensions, without the dot.
     extensions: &'static [&'static str],
-    /// First bytes of the format, for detection in a pipe.
+    /// First bytes of the format, which identify it in a file or a pipe.
     magic: &'static [&'static [u8]],
     /// Whether values have types; otherwise all are text.
     is_typed: bool,

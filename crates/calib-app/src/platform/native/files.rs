@@ -50,7 +50,7 @@ pub(super) fn write_quickly(path: &Path, bytes: &[u8]) -> FileResult<()> {
     write_to(path, bytes, false)
 }
 
-/// Writes a file atomically; `waits` until the file is on disk.
+/// Writes a file atomically. If `waits` is set, returns only when the file is on disk.
 fn write_to(path: &Path, bytes: &[u8], waits: bool) -> FileResult<()> {
     let place = calib_input::resolve_target(path, true).map_err(|error| error.to_string())?;
     let written = place.parent().map_or(Ok(()), std::fs::create_dir_all).and_then(|()| {

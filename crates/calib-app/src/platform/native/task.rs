@@ -244,7 +244,7 @@ pub(super) fn propose(
     Task::spawn_apart(ctx, move || Ok(AutomaticCalibration::new(&EdgeImage::from_camera(&camera, edges))))
 }
 
-/// Searches the placements of cameras, with one thread per processor.
+/// Searches for the placements of cameras, with one thread per processor.
 pub(super) fn place(
     ctx: &Context,
     asked: PlacementRequest,

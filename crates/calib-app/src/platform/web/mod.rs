@@ -167,7 +167,7 @@ impl Platform for Web {
         Task::wait(ctx, async move { frames(request, progress).await })
     }
 
-    // The command is not offered.
+    // The app does not offer this command in the browser.
     fn snapshot(ctx: &Context, _: SnapshotRequest) -> Task<Result<SnapshotFile, String>> {
         Task::wait(ctx, async { Err("A browser cannot read the addresses of cameras.".into()) })
     }

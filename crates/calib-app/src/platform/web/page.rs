@@ -131,7 +131,7 @@ extern "C" {
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn convert(bytes: &Uint8Array) -> Promise;
 
-    /// Opens a video with the decoder of the browser, and closes the video before it.
+    /// Opens a video with the decoder of the browser; first closes a video that is still open.
     #[wasm_bindgen(js_namespace = calib, js_name = openVideo)]
     pub(crate) fn open_video(bytes: &Uint8Array);
 

@@ -19,7 +19,7 @@ pub(crate) const PROPOSE: &str = "propose";
 
 /// Name of the work that reads a DXF drawing.
 pub(crate) const DRAWING: &str = "drawing";
-/// Name of the worker that places cameras; the name of a request is a [`PlacementStep`].
+/// Name of the worker that places cameras; the `name` of a request contains a [`PlacementStep`] as JSON.
 pub(crate) const PLACE: &str = "place";
 /// Name of the worker for comparisons; the bytes of a request contain both images.
 pub(crate) const COMPARE: &str = "compare";
@@ -58,7 +58,7 @@ pub(crate) async fn pixels(bytes: &[u8]) -> Result<RgbImage, String> {
     image_from_answer(&request("decode", "", 0, bytes).await?)
 }
 
-/// Creates the image of an answer: its RGB bytes and its width.
+/// Creates an image from an answer, which contains the RGB bytes and the width of the image.
 fn image_from_answer(answer: &Array) -> Result<RgbImage, String> {
     let bytes = Uint8Array::new(&answer.get(0)).to_vec();
     let width = answer.get(1).as_f64().unwrap_or_default() as u32;
@@ -126,7 +126,7 @@ pub(crate) fn stop_proposing() {
     page::dismiss(PROPOSE);
 }
 
-/// Searches the placements of cameras in a worker, which keeps the prepared images between the requests.
+/// Searches for the placements of cameras in a worker, which keeps the prepared images between the requests.
 pub(crate) async fn place(asked: PlacementRequest, progress: &Progress) -> Result<SitePlacement, String> {
     const PAIRED: f64 = PlacementSearch::PAIRS_SHARE;
     let PlacementRequest { site, cameras, images, plan } = asked;
