@@ -26,7 +26,7 @@ impl Wall {
     /// visible.
     #[must_use]
     pub fn blocks(&self, eye: WorldPoint, target: WorldPoint) -> bool {
-        /// Share of the line of sight at its end that counts as touching the wall.
+        /// Last share of the line of sight. A target counts as touching a wall that crosses the line there.
         const TOUCHING_SHARE: f64 = 1e-9;
         let sight = [target.x - eye.x, target.y - eye.y];
         let along = [self.to.x - self.from.x, self.to.y - self.from.y];
@@ -41,8 +41,8 @@ impl Wall {
             && eye.z + of_sight * (target.z - eye.z) < self.height
     }
 
-    /// Whether a camera can be mounted on the wall: it is within 10 cm of it, seen from above. The calibrated
-    /// position can then be on either side, so the wall does not block this camera.
+    /// Whether a camera can be mounted on the wall: it is within 10 cm of the wall, seen from above. The
+    /// calibrated position can then be on either side, so the wall does not block this camera.
     #[must_use]
     pub fn carries(&self, camera: FloorPoint) -> bool {
         /// Largest distance of a mounted camera from the wall, in metres.
@@ -57,7 +57,7 @@ impl Wall {
     }
 }
 
-/// Walls around a camera, sorted by their direction from it.
+/// Walls around a camera, grouped by their direction from the camera. Walls that can carry it are left out.
 struct WallsAround {
     eye: WorldPoint,
     /// Walls of each sector of the circle around the camera.
@@ -141,7 +141,7 @@ impl FloorGrid {
         self.origin.y + row as f64 * self.step
     }
 
-    /// Returns the columns of the points of a row that are inside a polygon (even-odd rule), as ranges.
+    /// Returns the ranges of columns in a row whose points are inside a polygon (even-odd rule).
     fn columns_inside(&self, polygon: &[FloorPoint], row: usize) -> Vec<Range<usize>> {
         let y = self.y(row);
         let edges = polygon.iter().zip(polygon.iter().cycle().skip(1));
@@ -151,7 +151,7 @@ impl FloorGrid {
             .collect();
         crossings.sort_by(f64::total_cmp);
         let column = |x: f64| {
-            // A point on the crossing is to its right. Casts saturate at 0.
+            // A point on a crossing counts as right of it. Casts of negative values give 0.
             (((x - self.origin.x) / self.step).ceil() as usize).min(self.columns)
         };
         crossings.chunks_exact(2).map(|pair| column(pair[0])..column(pair[1])).collect()
@@ -172,8 +172,8 @@ pub struct CoverageCamera<'a> {
 pub struct Reach {
     /// Distance from the foot of the camera to the point, in metres.
     pub distance: f64,
-    /// Standard deviation of the distance, in metres, from the errors of the calibration. `None` if an error is
-    /// unknown, or if the border of the view or a wall limits the distance in this direction.
+    /// Standard deviation of the distance, in metres, from the uncertainty of the calibration. `None` if the
+    /// uncertainty is unknown, or if the border of the view or a wall limits the distance in this direction.
     pub sigma: Option<f64>,
     /// Whether the density limits the distance: the camera also sees farther floor, but with a lower density.
     /// Otherwise the visible floor ends before the density falls to the limit.
@@ -222,7 +222,7 @@ impl CoverageCamera<'_> {
             let index = visible.iter().position(|(_, own, _)| *own >= density)?;
             let farthest = visible[index].0;
             let is_limited_by_density = index > 0;
-            // In some directions the EFOV ends before the density falls to the limit.
+            // Several directions are searched: in some, the EFOV ends before the density falls to the limit.
             let candidates = visible[index..]
                 .iter()
                 .take_while(|(distance, ..)| *distance >= MIN_SHARE * farthest)
@@ -288,8 +288,8 @@ impl Border<'_> {
     }
 
     /// Returns the distance from the foot of the camera to the border, and its standard deviation, in metres. The
-    /// standard deviation is `None` if an error of the camera is unknown. `least` is the distance of the floor point,
-    /// and `step` the distance between grid points.
+    /// standard deviation is `None` if the uncertainty of the camera is unknown. `least` is the distance from the
+    /// foot to the floor point, and `step` the distance between grid points.
     ///
     /// Returns `None` if the density is still reached two steps farther. Also returns `None` if the EFOV, the image
     /// or a wall ends the view before the density falls to the limit.
@@ -539,14 +539,14 @@ mod tests {
         let [all, reach, none] = of.reaches(&[], 0.0, densities);
         let reach = reach.unwrap();
         assert!(reach.is_limited_by_density && reach.distance > 5.0, "{reach:?}");
-        // The density is proportional to the focal length; a longer one moves the border by the sigma.
+        // A focal length that is longer by one standard deviation moves the border by one standard deviation.
         let longer = Camera { focal: 1010.0, ..camera };
         let [_, farther, _] = CoverageCamera { camera: &longer, ..of }.reaches(&[], 0.0, densities);
         let moved = farther.unwrap().distance - reach.distance;
         assert!((moved - reach.sigma.unwrap()).abs() < 0.1 * moved, "{moved} {reach:?}");
         assert_eq!(none, None);
         assert!(all.is_some_and(|all| !all.is_limited_by_density && all.sigma.is_none()));
-        // A wall across the view, lower than the camera, hides the border.
+        // A wall across the view, higher than the camera, hides the border.
         let [left, right] = [-20.0, 20.0].map(|x| FloorPoint { x, y: 2.0 + 0.8 * reach.distance });
         let wall = Wall { from: left, to: right, height: 9.0 };
         let [_, nearer, _] = of.reaches(&[wall], 0.0, densities);

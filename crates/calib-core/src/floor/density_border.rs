@@ -1,8 +1,8 @@
 //! Borders of the density levels: the lines of equal pixel density of targets at one height, in the image.
 //!
-//! The lines are traced on a grid of pixels: between two neighbours of which one reaches the limit of the level, the
-//! crossing is found by bisection, and the crossings of a cell are joined (marching squares). A pixel that shows no
-//! floor has the density 0.
+//! The lines are traced on a grid of pixels (marching squares). If only one of two neighbours reaches the limit of the
+//! level, bisection finds the crossing between them. The crossings of a cell are joined. A pixel that shows no floor
+//! has the density 0.
 //!
 //! Errors of the calibration move a border. With the density `D(X, p)` at the floor point X for the camera parameters
 //! p, the border `D = constant` moves along the gradient of D by `-dD / |grad D|` for a change `dD` at fixed X (implicit
@@ -70,12 +70,12 @@ impl Camera {
         DensityLevel::ALL.into_iter().map(border).filter(|border| !border.segments.is_empty()).collect()
     }
 
-    /// Returns the standard deviation of the position of the line of equal pixel density through a point, in metres
-    /// across the line. Returns `None` if the lens cannot show the surroundings of the point, if the density is the
-    /// same everywhere around it, or if an error of the camera is unknown.
+    /// Returns the standard deviation of a density border: the line of equal pixel density through a point. It is in
+    /// metres across the line. Returns `None` if the lens cannot show the surroundings of the point, or if the density
+    /// is the same everywhere around it. Also returns `None` if the uncertainty of the camera is unknown.
     #[must_use]
     pub fn density_border_sigma(&self, point: WorldPoint) -> Option<f64> {
-        /// Step of the central differences, as a share of the distance of the point.
+        /// Step of the central differences, as a share of the distance from the camera to the point.
         const SHARE: f64 = 1e-4;
         let step = SHARE * self.position.distance(point);
         let slope = |dx: f64, dy: f64| {

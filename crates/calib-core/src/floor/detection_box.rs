@@ -23,7 +23,7 @@ named! { BoxForm { CornerSize = "xywh", Corners = "xyxy", CentreSize = "cxcywh",
 
 impl BoxForm {
     /// Returns the middle of the lower edge, which is the foot point of the object, in the units of the box.
-    /// Returns NaN if the width or height is negative.
+    /// Returns NaN if the width or height is negative or NaN.
     #[inline]
     #[must_use]
     pub fn foot(self, [a, b, c, d]: [f64; 4]) -> [f64; 2] {
@@ -35,7 +35,7 @@ impl BoxForm {
         if width >= 0.0 && height >= 0.0 { foot } else { [f64::NAN; 2] }
     }
 
-    /// Returns the upper left corner x, y, the width and the height of a box, in its units.
+    /// Returns x and y of the upper left corner, the width and the height of a box, in the units of the box.
     #[must_use]
     pub fn corner_and_size(self, [a, b, c, d]: [f64; 4]) -> [f64; 4] {
         match self {

@@ -13,7 +13,7 @@ pub struct Efov {
     pub clipped: bool,
 }
 
-/// Largest distance of an annotated EFOV from the foot of the camera, in camera heights. Beyond it a pixel
+/// Largest distance of an annotated EFOV from the foot of the camera, in camera heights. Farther away, a pixel
 /// covers more floor than any object.
 const MAX_ANNOTATED_REACH: f64 = 50.0;
 /// Largest distance of a default EFOV from the foot of the camera, in camera heights.
@@ -31,7 +31,7 @@ pub fn efov_on_floor(camera: &Camera, corners: &[Pixel]) -> Efov {
     efov_on_plane(camera, corners, &Plane::FLOOR)
 }
 
-/// Projects an image polygon to a plane as [`efov_on_floor`]. The result contains x and y of the corners.
+/// Projects an image polygon to a plane as [`efov_on_floor`] does. The result contains x and y of the corners.
 #[must_use]
 pub fn efov_on_plane(camera: &Camera, corners: &[Pixel], plane: &Plane) -> Efov {
     on_plane(camera, corners, plane, MAX_ANNOTATED_REACH)
@@ -137,11 +137,12 @@ fn doubled_signed_area(corners: &[Pixel]) -> f64 {
 }
 
 /// Projects an image polygon of a wide lens to a plane, within `reach` camera heights of the foot of the
-/// camera. Clipping at the horizon is not possible, because points behind the camera are visible on the
+/// camera. Clipping at the horizon is not possible, because points behind the camera are visible in the
 /// image.
 ///
-/// The result follows the outline while its floor point is within the reach. After that, the result follows
-/// the circle of the reach to the point where the outline returns, in the orientation of the outline.
+/// The result follows the floor points of the outline that are within the reach. Where the outline leaves the
+/// reach, the result follows the circle of the reach to the point where the outline returns. It keeps the
+/// orientation of the outline.
 fn project_wide_polygon(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Efov {
     /// Number of points for each edge of the outline.
     const WIDE_POINTS_PER_EDGE: usize = 32;

@@ -106,7 +106,7 @@ impl Extent<'_> {
         status[0]
     }
 
-    /// Maps a world point to a pixel of a camera with this extent, with its status.
+    /// Maps a world point to a pixel of a camera with this extent, and returns the status of the point.
     #[must_use]
     pub fn to_pixel(&self, camera: &Camera, point: WorldPoint) -> (Option<Pixel>, Status) {
         if !point.is_finite() {

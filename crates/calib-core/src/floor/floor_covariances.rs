@@ -20,7 +20,7 @@
 //! points.
 //!
 //! A prime denotes the transpose. With the point `p = (x, y)`, the covariance of D(c) is
-//! `cov(m + p l) = cov(m) + p k' + k p'`, `k = cov(m, l) + p var(l) / 2`, a polynomial of the fourth degree.
+//! `cov(m + p l) = cov(m) + p k' + k p'` with `k = cov(m, l) + p var(l) / 2`, a polynomial of degree four.
 //! Every coefficient should be used only once. Therefore the terms of `var(m_x)` with a factor x are added to
 //! `k_x`, and the terms of `var(m_y)` with a factor y to `k_y`:
 //!
@@ -37,7 +37,7 @@
 //!
 //! With a and b in pixels from the principal point, a ray is `a right + b down + f forward`, and
 //! `d = t (a right + b down + f forward)` with `t = q / r`, where r is affine in a and b. The derivative of
-//! the point by (a, b) is `T = t [D(right), D(down)]`. Its quadratic terms cancel:
+//! the point with respect to (a, b) is `T = t [D(right), D(down)]`. Its quadratic terms cancel:
 //! `T = t^2 / q (M + b K, N - a K)`, with columns M, N and K that are the same for all pixels.
 
 use crate::camera::{BrownConrady, BrownInverse, Camera, Covariance, LANES, Lens, Pixel, Plane, sin_cos};
@@ -107,7 +107,7 @@ impl FlowCovariance {
         let flows = flows(camera, plane, axes, drop);
         let is_estimated = |&index: &usize| camera.covariance.sigma(index).is_some();
         let estimated: Vec<usize> = (0..Covariance::LENS).filter(is_estimated).collect();
-        // Covariance of one parameter with the homography, over all estimated parameters.
+        // Covariance of one parameter with the homography: the sum over the estimated pose and focal length.
         let with = |row: usize| -> Flow {
             std::array::from_fn(|k| {
                 estimated.iter().map(|&other| covariance[row][other] * flows[other][k]).sum()
@@ -184,7 +184,7 @@ impl FlowCovariance {
     }
 
     /// Adds the covariance of lens parameters, with each other and with the pose. `moves` contains the
-    /// displacement of every point by the parameters `first` and following. Every pair of different
+    /// derivatives of every point with respect to the parameters from `first` on. Every pair of different
     /// parameters counts twice.
     #[inline(always)]
     fn add_lens<const N: usize>(
@@ -214,9 +214,9 @@ impl FlowCovariance {
 }
 
 /// Returns the derivatives of the homography of a plane with respect to the pose parameters and the focal
-/// length. `drop` is the height of the plane below the camera minus the height of the camera, in metres.
+/// length. `drop` is the height of the plane, at the foot of the camera, minus that of the camera, in metres.
 fn flows(camera: &Camera, plane: &Plane, axes: &[[f64; 3]; 3], drop: f64) -> [Flow; Covariance::LENS] {
-    // The arguments are the change of d at x = y = 0, and its derivatives by x and by y.
+    // The arguments are the change of d at x = y = 0, and its derivatives with respect to x and y.
     let flow = |[none, by_x, by_y]: [[f64; 3]; 3]| {
         let [off, off_x, off_y] = [none, by_x, by_y].map(|c| plane.rise(&c) / drop);
         [none[0], by_x[0] - off, by_y[0], none[1], by_x[1], by_y[1] - off, -off_x, -off_y]
@@ -231,7 +231,7 @@ fn flows(camera: &Camera, plane: &Plane, axes: &[[f64; 3]; 3], drop: f64) -> [Fl
     let (sin, cos) = sin_cos(camera.roll);
     let level: [f64; 3] = std::array::from_fn(|i| sin * right[i] + cos * down[i]);
     let dot = |a: &[f64; 3], b: &[f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    // Homography of a rotation from one axis to another, for each radian.
+    // Homography of a rotation from one axis toward another, per radian.
     let turned = |from: &[f64; 3], to: &[f64; 3]| {
         flow(on_plane.map(|d| std::array::from_fn(|i| dot(from, &d) * to[i] - dot(to, &d) * from[i])))
     };
@@ -271,7 +271,7 @@ pub(super) struct CovarianceLanes<'a> {
     minors: [[f64; 3]; 2],
     /// `minors` multiplied by sigma.
     of_sigma: [[f64; 3]; 2],
-    /// Covariance of the homography; `None` if the errors of the camera are unknown.
+    /// Covariance of the homography; `None` if the uncertainty of the camera is unknown.
     flow: Option<FlowCovariance>,
 }
 
@@ -283,8 +283,8 @@ struct Points<const N: usize> {
     square: Lanes<N>,
 }
 
-/// Derivatives of points of the plane by (a, b): rows x and y of T, or of T divided by t^2. For the symbols,
-/// see the module documentation.
+/// Derivatives of points of the plane with respect to (a, b): rows x and y of T, or of T divided by t^2. For
+/// the symbols, see the module documentation.
 #[derive(Clone, Copy, Debug)]
 struct Slopes<const N: usize>([[Lanes<N>; 2]; 2]);
 
@@ -307,7 +307,8 @@ impl<'a> CovarianceLanes<'a> {
     }
 
     /// Returns the pixel part and the calibration part for pixels of a lens without distortion, each as xx,
-    /// xy, yy. They are NaN if the plane is not visible, or if the errors are unknown.
+    /// xy, yy. Both parts are NaN if the plane is not visible. The calibration part is also NaN if the
+    /// uncertainty of the camera is unknown.
     #[inline(always)]
     pub(super) fn straight<const N: usize>(&self, u: &Lanes<N>, v: &Lanes<N>) -> [[Lanes<N>; 3]; 2] {
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
@@ -331,7 +332,7 @@ impl<'a> CovarianceLanes<'a> {
         [pixel, calibration]
     }
 
-    /// Returns the covariances as [`Self::straight`], for a lens with distortion.
+    /// Returns the covariances as [`Self::straight`] does, but for a lens with distortion.
     #[inline(always)]
     pub(super) fn distorted(
         &self,
@@ -369,8 +370,8 @@ impl<'a> CovarianceLanes<'a> {
         [pixel, calibration]
     }
 
-    /// Returns the points of the plane at the pixels (a, b), relative to the principal point; NaN without a
-    /// point.
+    /// Returns the points of the plane at the pixels (a, b), which are relative to the principal point. Points
+    /// are NaN if the pixel does not show the plane.
     #[inline(always)]
     fn points<const N: usize>(&self, a: &Lanes<N>, b: &Lanes<N>) -> Points<N> {
         /// Largest distance of a point from the camera, in metres, as for a single pixel. A larger value is a
@@ -422,9 +423,9 @@ impl<const N: usize> Slopes<N> {
         self
     }
 
-    /// Returns the displacements of the points by u and v of the principal point, and by the pixel aspect.
-    /// The first two are the negative derivatives by the raw pixel. The third is the second, multiplied by
-    /// the distance `down` of the distorted square pixel below the principal point.
+    /// Returns the derivatives of the points with respect to u and v of the principal point and the pixel
+    /// aspect. The first two are the negative derivatives with respect to the raw pixel. The third is the
+    /// second, multiplied by the distance `down` of the distorted square pixel below the principal point.
     #[inline(always)]
     fn by_centre_and_aspect(&self, down: &Lanes<N>) -> [[Lanes<N>; 2]; 3] {
         let mut by = [[[0.0; N]; 2]; 3];
@@ -438,7 +439,7 @@ impl<const N: usize> Slopes<N> {
         by
     }
 
-    /// Converts derivatives by a square pixel to derivatives by the raw pixel, whose aspect is `aspect`.
+    /// Converts derivatives with respect to a square pixel to those for the raw pixel with this `aspect`.
     #[inline(always)]
     fn by_pixel_of_aspect(mut self, aspect: f64) -> Self {
         if aspect != 1.0 {
@@ -462,8 +463,8 @@ impl<const N: usize> Slopes<N> {
         self
     }
 
-    /// Returns the derivatives by the raw pixel: T times the inverse of the Jacobian of the lens, which is
-    /// symmetric.
+    /// Returns the derivatives with respect to the raw pixel: T times the inverse of the Jacobian of the lens.
+    /// The Jacobian is symmetric.
     #[inline(always)]
     fn by_raw(mut self, brown: &BrownConrady, x: &Lanes<N>, y: &Lanes<N>) -> Self {
         let mut unbend = [[0.0; N]; 3];

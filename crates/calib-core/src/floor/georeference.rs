@@ -8,7 +8,7 @@
 //!
 //! If the world positions have errors, too, with the joint covariance C, the residuals `e_i - R(t) w_i - s` have
 //! the covariance `R C R^T + diag(sigma_i^2)`. The generalized least-squares estimate is iterated from the
-//! estimate above. With C from a joint solve, it is the estimate of a joint solve that contains these points.
+//! estimate above. With C from a joint solve, the result equals that of a joint solve that contains these points.
 
 use nalgebra::{DMatrix, DVector, Matrix3};
 
@@ -136,7 +136,7 @@ impl GeoreferenceFit {
             return None;
         }
         let first = Self::new(pairs)?;
-        // East and north of the first estimate of the world origin.
+        // Coordinates toward east and north from the first estimate of the world origin.
         let plane = TangentPlane::new(first.origin, std::f64::consts::FRAC_PI_2);
         let earth: Vec<[f64; 2]> = pairs
             .iter()
@@ -190,8 +190,8 @@ impl GeoreferenceFit {
         })
     }
 
-    /// Returns the distance of every point between its geographic coordinates and its world coordinates under
-    /// this georeference, in metres.
+    /// Returns, for every point, the distance between its geographic coordinates and its world coordinates
+    /// under this georeference, in metres.
     #[must_use]
     pub fn distances(&self, pairs: &[GeographicPair]) -> Vec<f64> {
         let plane = TangentPlane::new(self.origin, self.x_axis_azimuth);

@@ -6,8 +6,8 @@
 //!
 //! `g_a' C_aa g_a + g_b' C_bb g_b - 2 g_a' C_ab g_b`.
 //!
-//! The expected disagreement at a point is the square root of the sum for x and y (RMS of the distance). It does not
-//! contain the errors of the detector.
+//! The expected disagreement at a point is the square root of the sum of the variances for x and y (RMS of the
+//! distance). It does not contain the errors of the detector.
 
 use std::ops::Range;
 
@@ -29,8 +29,8 @@ pub struct HandOver {
     pub disagreement: Result<Disagreement, UnknownDisagreement>,
 }
 
-/// Expected distance between the positions that two cameras compute for one target, in metres. It contains the errors of
-/// the calibration.
+/// Expected distance between the positions that two cameras compute for one target, in metres. It contains the
+/// errors of the calibration, but not the errors of the detector.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Disagreement {
     /// RMS distance over a sample of points of the zone, in metres.
@@ -45,9 +45,9 @@ pub struct Disagreement {
 /// Reason why a disagreement is unknown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UnknownDisagreement {
-    /// The position or the yaw of the camera with this index was set by hand, so its error is unknown.
+    /// The position or the yaw of the camera with this index was set by hand, so its uncertainty is unknown.
     PlacedByHand(usize),
-    /// Another error of the camera with this index is unknown.
+    /// Another uncertainty of the camera with this index is unknown.
     Camera(usize),
     /// The correlation of the two cameras is unknown.
     Correlation,
@@ -170,7 +170,7 @@ impl Coverage {
     }
 }
 
-/// Returns why the errors of a camera are unknown; `None` if they are known.
+/// Returns the reason why the uncertainty of a camera is unknown; `None` if it is known.
 fn unknown_error((index, of): (usize, CoverageCamera<'_>)) -> Option<UnknownDisagreement> {
     let covariance = &of.camera.covariance;
     if covariance.is_known() {
@@ -185,8 +185,8 @@ fn unknown_error((index, of): (usize, CoverageCamera<'_>)) -> Option<UnknownDisa
     })
 }
 
-/// Computes the disagreement over a sample of floor points; the worst point may also be an extreme point. Returns `None`
-/// without points.
+/// Computes the disagreement over a sample of floor points. The worst point can also be one of the `extremes`. Returns
+/// `None` without points.
 fn disagreement(
     pair: [CoverageCamera<'_>; 2],
     between: &CameraCovariance,
@@ -209,7 +209,8 @@ fn disagreement(
     Some(Disagreement { rms, worst: most.sqrt(), worst_at })
 }
 
-/// Returns the expected squared distance between the two positions of a target, in square metres.
+/// Returns the expected squared distance between the two positions of a target, in square metres. Returns `None` if a
+/// camera does not show the target.
 fn variance_at(
     pair: [CoverageCamera<'_>; 2],
     between: &CameraCovariance,

@@ -1,10 +1,10 @@
-//! Images of straight lines of space under lens distortion: 3-D polylines, the horizon, and annotated lines
+//! Images of straight lines in space under lens distortion: 3-D polylines, the horizon, and annotated lines
 //! between their ends. Also floor lines, and the nearest pixel on the image of a floor line.
 
 use crate::camera::{Camera, FloorPoint, Lens, Pixel, Plane, WorldPoint};
 use crate::floor::scene::Polyline;
 
-/// Returns the image of a 3-D polyline, in pieces where parts of it are not visible.
+/// Returns the image of a 3-D polyline, split into pieces if parts of the polyline are not visible.
 ///
 /// The pieces follow the lens distortion. They end at the limit of the lens and, except for a wide lens, at a
 /// depth of 5 cm. Parts outside the image are included, for a canvas that is larger than the image.
@@ -103,7 +103,7 @@ impl Arc {
 }
 
 /// Returns the image of an annotated line. For a wide lens, consecutive points are connected by the distorted
-/// image of the straight line of space between them. For other lenses, or where the lens shows no rays, the
+/// image of the straight line in space between them. For other lenses, or where the lens shows no rays, the
 /// points are connected directly.
 #[must_use]
 pub fn annotated_line_curve(lens: &Lens, points: &[Pixel]) -> Vec<Pixel> {
@@ -121,8 +121,8 @@ pub fn annotated_line_curve(lens: &Lens, points: &[Pixel]) -> Vec<Pixel> {
     line
 }
 
-/// Extends the straight line of space through two pixels beyond the second one, to the limit of the lens.
-/// Returns an empty list for a lens that is not wide.
+/// Extends the straight line in space through two pixels beyond the second one, to the limit of the lens.
+/// Returns an empty list if the lens is not wide, or if the pixels do not show two different rays.
 #[must_use]
 pub fn line_extension(lens: &Lens, ends: [Pixel; 2]) -> Vec<Pixel> {
     let arc = Some(lens).filter(|lens| lens.distortion.is_wide());
@@ -213,7 +213,7 @@ pub fn horizon(camera: &Camera, size: [f64; 2]) -> Vec<Vec<Pixel>> {
     on_image(camera, &ring).into_iter().filter(|piece| piece.iter().any(near_image)).collect()
 }
 
-/// Straight line on the plan.
+/// Straight line on the floor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FloorLine {
     /// Point on the line, in metres.

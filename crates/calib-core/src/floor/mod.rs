@@ -1,6 +1,6 @@
 //! One calibrated camera and the floor: projection in both directions, and quantities computed from it.
 //!
-//! Rule: roll, pitch, focal length and lens are fixed. They are never estimated from annotations here. The
+//! Rule: roll, pitch, focal length and lens are fixed. This module never estimates them from annotations. The
 //! files, in the order of the data:
 //!
 //! - `placement`: stage 2 by hand, as a translation, rotation and scale of the EFOV.
@@ -21,7 +21,7 @@
 //! - `density_border`: the borders of the density levels in an image, with standard deviations.
 //! - `coverage`: visible floor, blind spots and walls of a group of cameras.
 //! - `ruler`: **lengths, areas and heights with their standard deviations**.
-//! - `hand_over`: floor that two cameras see, with the expected disagreement of their positions.
+//! - `hand_over`: floor that two cameras see, with the expected disagreement of the positions that they compute.
 //! - `tangent_plane`: geographic coordinates of the site.
 //! - `georeference`: georeference from points with both world and geographic coordinates.
 //! - `window`: **perspective and cylindrical views in any direction within a lens**.

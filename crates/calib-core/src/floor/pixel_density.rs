@@ -9,7 +9,7 @@
 
 use crate::camera::{Camera, Covariance, Pixel, WorldPoint, dot};
 
-/// Task of an operator that a pixel density allows, by IEC 62676-4.
+/// Task of an operator for which a pixel density is sufficient, as defined in IEC 62676-4.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -125,9 +125,9 @@ impl<'a> DensityCamera<'a> {
     /// Returns the derivative of the pixel for a displacement `moved` of the point `at`, for any lens. Point
     /// and displacement are in camera axes, in metres.
     ///
-    /// The bearing `b` of the pixel is a multiple `s B(at)` of the bearing of the point. A change of the
-    /// pixel changes `b` by `J d`, and the displacement changes it by `s B(moved)`. Both agree up to a multiple
-    /// of `b`, which is the same pixel. The cross product with `b` removes this multiple.
+    /// The bearing `b` of the pixel is a multiple `s B(at)` of the bearing of the point. A change `d`
+    /// of the pixel changes `b` by `J d`, and the displacement changes it by `s B(moved)`. The two changes agree
+    /// up to a multiple of `b`, which does not move the pixel. The cross product with `b` removes this multiple.
     fn by_bearing(&self, pixel: Pixel, at: [f64; 3], moved: [f64; 3]) -> Option<[f64; 2]> {
         let (bearing, jacobian) = self.camera.lens.bearing_with_jacobian(pixel)?;
         let of_point = self.camera.bearing(at);
@@ -152,21 +152,21 @@ impl Camera {
     }
 
     /// Returns the standard deviation of the pixel density at a point, in pixels per metre, caused by the
-    /// errors of the calibration. Returns `None` if the lens cannot show the point, or if an error of the
-    /// camera is unknown.
+    /// errors of the calibration. Returns `None` if the lens cannot show the point, or if the density depends on
+    /// a parameter whose uncertainty is unknown.
     #[must_use]
     pub fn pixel_density_sigma(&self, point: WorldPoint) -> Option<f64> {
         Some(self.variance_of(|camera| camera.pixel_density(point))?.sqrt())
     }
 
-    /// Returns the variance of a quantity that the errors of the camera cause. Returns `None` if the quantity
-    /// does not exist, or depends on a parameter whose error is unknown.
+    /// Returns the variance of a quantity, caused by the errors of the camera. Returns `None` if the quantity
+    /// does not exist, or depends on a parameter whose uncertainty is unknown.
     pub(crate) fn variance_of(&self, quantity: impl Fn(&Self) -> Option<f64>) -> Option<f64> {
         let gradient = self.without_unknown_errors(self.gradient_of(quantity)?)?;
         Some(covariance_product(&gradient, &self.covariance.0, &gradient).max(0.0))
     }
 
-    /// Returns the derivatives of a quantity with exact zeros for the parameters whose errors are unknown.
+    /// Returns the derivatives of a quantity, with exact zeros for the parameters whose uncertainty is unknown.
     /// Returns `None` if the quantity depends on such a parameter.
     pub(crate) fn without_unknown_errors(
         &self,
@@ -194,7 +194,7 @@ impl Camera {
     ) -> Option<[f64; Covariance::SIZE]> {
         /// Step, as a share of the parameter's standard deviation. The quantity is almost linear over it.
         const SHARE: f64 = 1e-3;
-        /// Step of a parameter whose error is unknown, in its unit.
+        /// Step of a parameter whose uncertainty is unknown, in the unit of the parameter.
         const STEP: f64 = 1e-4;
         let mut gradient = [0.0; Covariance::SIZE];
         for (index, by) in gradient.iter_mut().enumerate() {
@@ -216,7 +216,7 @@ pub(crate) fn covariance_product(
     covariance: &[[f64; Covariance::SIZE]; Covariance::SIZE],
     b: &[f64; Covariance::SIZE],
 ) -> f64 {
-    // Entries of unknown errors are infinite, and their derivatives are zero.
+    // Unknown variances are infinite. The derivatives for these parameters are zero.
     let times = |c: f64, by: f64| if by == 0.0 { 0.0 } else { c * by };
     let row = |row: &[f64; Covariance::SIZE]| row.iter().zip(b).map(|(c, b)| times(*c, *b)).sum::<f64>();
     a.iter().zip(covariance).map(|(a, c)| times(row(c), *a)).sum()

@@ -26,7 +26,7 @@ impl Placement {
     /// Fits the placement that maps the first points of the pairs to the second ones with least squares (Umeyama,
     /// "Least-squares estimation of transformation parameters", 1991, in two dimensions). With complex numbers,
     /// `scale e^(i turn) = sum conj(a) b / sum |a|^2`, with a and b relative to their centroids. Returns `None` if
-    /// the pairs do not determine it.
+    /// the pairs do not determine the placement.
     #[must_use]
     pub fn fit(pairs: &[(FloorPoint, FloorPoint)]) -> Option<Self> {
         /// Smallest scale that is accepted.

@@ -116,7 +116,7 @@ mod tests {
             PointProjector::new(&camera).points_to_pixels([&x, &y, &z], [&mut u, &mut v]);
             for i in 0..at.len() {
                 let point = WorldPoint { x: x[i], y: y[i], z: z[i] };
-                // Rounding decides at the rim of the lens, and near the camera plane.
+                // At the rim of the lens and near the camera plane, rounding decides whether a point has a pixel.
                 let depth = camera.in_camera(point)[2];
                 match camera.world_to_pixel(point) {
                     Some(pixel) if depth > 1e-3 => {

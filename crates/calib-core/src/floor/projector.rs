@@ -145,7 +145,7 @@ impl FloorProjector {
         [focal.recip(), (focal * pixel_aspect).recip()]
     }
 
-    /// Undistorts pixels in lockstep, and maps the normalised points by `onward`.
+    /// Undistorts pixels in lockstep, and maps the normalised points with `onward`.
     #[inline(always)]
     fn undistort_in_lockstep(
         &self,
@@ -205,7 +205,7 @@ impl FloorProjector {
         }
     }
 
-    /// Maps pixels as [`Self::pixels_to_floor`], with a status for each.
+    /// Maps pixels as [`Self::pixels_to_floor`] does, and computes the status of each pixel.
     ///
     /// A pixel is inside the EFOV if the floor point on its ray is inside, for a plane at any height.
     ///
@@ -448,7 +448,7 @@ mod tests {
                     (_, Some(floor)) if extent.contains(floor) => Status::Ok,
                     _ => Status::OutsideEfov,
                 };
-                // Rounding decides on an edge of the polygon.
+                // On an edge of the polygon, the status depends on rounding.
                 let on_edge = floor.is_some_and(|f| {
                     [(1e-7, 0.0), (-1e-7, 0.0), (0.0, 1e-7), (0.0, -1e-7)].iter().any(|(dx, dy)| {
                         extent.contains(FloorPoint { x: f.x + dx, y: f.y + dy }) != extent.contains(f)

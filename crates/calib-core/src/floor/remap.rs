@@ -43,8 +43,8 @@ pub struct Undistortion {
     most: f64,
 }
 
-/// Stored map from a new image to the raw image, for many images of one camera. An [`Undistortion`] creates
-/// it.
+/// Stored map from a new image to the raw image, for many images of one camera. An [`Undistortion`] or a
+/// window of a lens creates the map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Remap {
     /// Width of the raw image, in pixels.
@@ -126,7 +126,7 @@ impl Undistortion {
         Pixel { u: (u - self.offset[0]) / self.scale, v: (v - self.offset[1]) / self.scale }
     }
 
-    /// Undistorts an image of 8 bits for each channel, row by row: grey, RGB or RGBA, in any order of
+    /// Undistorts an image with 8 bits per channel, stored row by row: grey, RGB or RGBA, in any order of
     /// colours. Pixels that the raw image does not show become black, or transparent.
     ///
     /// Returns `None` if the slice does not have `width * height` bytes, or three or four times as many.
@@ -136,16 +136,16 @@ impl Undistortion {
         self.apply_into(raw, &mut out).then_some(out)
     }
 
-    /// Undistorts as [`Self::apply`], into a buffer of the same size. Returns `false` if a slice has another
+    /// Undistorts as [`Self::apply`] does, into a buffer of the same size. Returns `false` if a slice has another
     /// size.
     #[must_use]
     pub fn apply_into(&self, raw: &[u8], out: &mut [u8]) -> bool {
         raw.len() == out.len() && self.apply_rows_into(raw, 0, out)
     }
 
-    /// Undistorts as [`Self::apply_into`], for the rows of the new image from `first` on that fit into the
-    /// buffer. Several threads can share the rows. Returns `false` if a slice does not contain whole rows, or
-    /// too many of them.
+    /// Undistorts as [`Self::apply_into`] does, for the rows of the new image from `first` on that fit into `out`.
+    /// Several threads can share the rows. Returns `false` if `raw` has another size, or if `out` does not
+    /// consist of whole rows or has too many rows.
     #[must_use]
     pub fn apply_rows_into(&self, raw: &[u8], first: usize, out: &mut [u8]) -> bool {
         let Some(channels) = Channels::of(raw, self.width * self.height) else { return false };
@@ -208,8 +208,8 @@ impl Undistortion {
 }
 
 impl Remap {
-    /// Creates the map of a new image with the given width and height. `raw_of` maps its pixels to the raw
-    /// image.
+    /// Creates the map from a new image of this `size` to a raw image of the size `raw`. `raw_of` maps pixels of
+    /// the new image to the raw image. Returns `None` if an image is too small or too large.
     pub(crate) fn new(
         raw: [usize; 2],
         size: [usize; 2],
@@ -236,7 +236,7 @@ impl Remap {
         Some(Self { width: raw[0], pixels: raw[0] * raw[1], rows })
     }
 
-    /// Applies the map as [`Undistortion::apply_into`]. The new image has the size of the map.
+    /// Applies the map as [`Undistortion::apply_into`] does. The new image has the size of the map.
     #[must_use]
     pub fn apply_into(&self, raw: &[u8], out: &mut [u8]) -> bool {
         let is_whole = |own: &Channels| out.len() == self.rows.index.len() * *own as usize;
@@ -298,8 +298,8 @@ fn last_pair(raw: &[u8], at: usize) -> [u8; 8] {
     std::array::from_fn(|i| raw.get(at + i).copied().unwrap_or_default())
 }
 
-/// Computes the raw pixels of a row of normalised points `(first + i step, y)`. Points beyond the lens become
-/// NaN.
+/// Computes the raw pixels of a row of normalised points `(first + i step, y)`. Points that the lens
+/// does not show have NaN in `u`.
 fn brown_row(
     brown: &BrownConrady,
     most: f64,
@@ -328,7 +328,7 @@ fn brown_row(
     );
 }
 
-/// Packs raw positions as the index of the pixel up and left, and fractions.
+/// Packs each raw position as the index of the pixel up and left of it, and the weights in x and y.
 fn pack(width: usize, height: usize, u: &[f32], v: &[f32], index: &mut [u32], fraction: &mut [u16]) {
     // Centres are at halves: the pixel with its centre up and left of u has the index floor(u - 0.5).
     let (last_x, last_y) = (width as i32 - 1, height as i32 - 1);
@@ -342,7 +342,7 @@ fn pack(width: usize, height: usize, u: &[f32], v: &[f32], index: &mut [u32], fr
                 let (x, y) = ((u - 0.5) * WEIGHT_STEPS, (v - 0.5) * WEIGHT_STEPS);
                 let inside = (x >= -16.0) & (x <= most_x + 16.0) & (y >= -16.0) & (y <= most_y + 16.0);
                 let (x, y) = (rounded(x, most_x), rounded(y, most_y));
-                // The last column and row use the pixel before, with full weight.
+                // In the last column and row, the index is one pixel less, and the next pixel has full weight.
                 let (column, line) = ((x >> WEIGHT_BITS).min(last_x - 1), (y >> WEIGHT_BITS).min(last_y - 1));
                 let packed = line as u32 * width + column as u32;
                 *index = if inside { packed } else { BLANK_INDEX };

@@ -31,7 +31,7 @@ pub struct RulerPoint {
 pub struct Measured {
     /// Measured value, in metres or square metres.
     pub value: f64,
-    /// Standard deviation of the value; `None` if an error of a camera is unknown.
+    /// Standard deviation of the value; `None` if it depends on an unknown uncertainty of a camera.
     pub sigma: Option<f64>,
 }
 
@@ -78,7 +78,7 @@ impl Ruler<'_> {
         };
         // An unknown yaw makes the components uncertain, but not the length.
         let [Some(x), Some(y)] = [on_axis(0)?, on_axis(1)?] else { return Some(along) };
-        // The sum of both variances is at least the larger eigenvalue of their covariance matrix.
+        // The sum of the variances in x and y is at least the larger eigenvalue of the covariance matrix.
         let worst = (x + y).sqrt();
         let sigma = if along.value < MIN_SIGMAS * worst { Some(worst) } else { along.sigma };
         Some(Measured { sigma, ..along })
@@ -132,9 +132,10 @@ impl Ruler<'_> {
         (top.distance(head.pixel) <= most).then_some(measured)
     }
 
-    /// Returns the floor positions of the points, in metres, and their joint covariance, in square metres. Its
-    /// rows are x and y of the first point, then of the next. Returns `None` if a pixel does not show a point
-    /// at its height, or if the height, the orientation or the lens of a camera has an unknown error.
+    /// Returns the floor positions of the points, in metres, and their joint covariance, in square metres. The
+    /// rows of the covariance are x and y of the first point, then of the next. Returns `None` if a pixel does
+    /// not show a point at its height, or if the covariance of two cameras is unknown. Also returns `None` if the
+    /// uncertainty of the height, pitch, roll, focal length or lens of a camera is unknown.
     ///
     /// Unknown errors of a camera's placement by hand are not contained: the placement on the plan counts as exact.
     #[must_use]
@@ -190,7 +191,7 @@ impl Ruler<'_> {
         Some(Measured { value, sigma: of_cameras.map(|cameras| (variance + cameras).max(0.0).sqrt()) })
     }
 
-    /// Returns the variance that the errors of the pixels cause.
+    /// Returns the variance of a quantity that the errors of the pixels cause.
     fn pixel_variance(
         &self,
         points: &[RulerPoint],
@@ -214,7 +215,8 @@ impl Ruler<'_> {
         Some(variance)
     }
 
-    /// Returns the variance that the errors of the cameras cause; `None` if an error is unknown.
+    /// Returns the variance of a quantity that the errors of the cameras `used` cause. Returns `None` if the
+    /// quantity depends on an unknown uncertainty.
     fn camera_variance(
         &self,
         points: &[RulerPoint],
@@ -242,10 +244,10 @@ impl Ruler<'_> {
     }
 }
 
-/// Returns the height above the foot of the point of its vertical that is nearest to the ray of a pixel. Returns
-/// `None` if the ray is vertical, or if the point is behind the camera.
+/// Returns the height above the foot at which the vertical through the foot is nearest to the ray of a pixel. Returns
+/// `None` if the ray is vertical, or if the nearest point is behind the camera.
 ///
-/// The vertical is `foot + z up`, the ray `eye + t d` with a unit vector d. With `w = eye - foot`, both are
+/// The vertical is `foot + z up`, the ray `eye + t d` with a unit vector d. With `w = eye - foot`, the two lines are
 /// nearest for `z - t d_z = w_z` and `z d_z - t = w . d`.
 fn head_height(camera: &Camera, foot: WorldPoint, pixel: Pixel) -> Option<f64> {
     /// Smallest accepted squared sine of the angle between the ray and the vertical.
@@ -310,7 +312,7 @@ mod tests {
         }
     }
 
-    /// Camera 4 m above the origin, with errors of height, pitch and focal length.
+    /// Returns a camera 4 m above the origin, with errors of height, pitch and focal length.
     fn street() -> Camera {
         let mut covariance = Covariance::EXACT;
         for (index, sigma) in [(Covariance::Z, 0.05), (Covariance::PITCH, 0.004), (Covariance::FOCAL, 20.0)] {

@@ -110,7 +110,7 @@ pub const COURTS: [Court; 14] = {
 pub struct MarkShape {
     /// Kind of the element.
     pub kind: MarkKind,
-    /// World position of the foot or centre of the element, in metres.
+    /// World position of the foot or centre of the element, or of the first corner of a grid, in metres.
     pub at: WorldPoint,
     /// Rotation about the vertical, counter-clockwise seen from above, in radians.
     pub turn: f64,
@@ -340,7 +340,7 @@ fn crossings(
 }
 
 /// Returns the ellipse of `sigmas` standard deviations about the camera position on the floor, as a polygon.
-/// Returns `None` if the position was not estimated or its error is unknown.
+/// Returns `None` if the position was not estimated or its uncertainty is unknown.
 #[must_use]
 pub fn position_ellipse(camera: &Camera, sigmas: f64) -> Option<Vec<FloorPoint>> {
     let axes = [Covariance::X, Covariance::Y];

@@ -195,8 +195,8 @@ impl StreamMap {
         (value + self.origin - self.bar[axis]) / self.scale[axis] + self.corner[axis]
     }
 
-    /// Maps a stream coordinate to the calibrated image, as [`Self::to_image`]. The coordinate counts from the
-    /// corner of the stream, whatever the pixel origin.
+    /// Maps a stream coordinate to the calibrated image, as [`Self::to_image`] does. The coordinate counts from the
+    /// corner of the stream for either pixel origin.
     #[inline]
     #[must_use]
     pub fn corner_to_image(&self, axis: usize, value: f64) -> f64 {

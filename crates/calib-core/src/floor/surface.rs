@@ -98,8 +98,8 @@ impl SurfacePoint {
 }
 
 impl Camera {
-    /// Returns the point of `pixel` that is `height` metres above the first surface, or above the floor, that
-    /// its ray meets.
+    /// Returns the first point on the ray of `pixel` that is `height` metres above the floor or a surface. Each
+    /// surface is limited to its region.
     ///
     /// Returns `None` above the horizon, outside the lens, and on the wall of a pit.
     #[must_use]
@@ -130,7 +130,7 @@ impl<'a> SurfaceProjector<'a> {
         Self { floor: FloorProjector::new(camera, height), surfaces }
     }
 
-    /// Maps raw pixels `(u, v)` to points as [`Camera::pixel_to_surface`], with a status for each.
+    /// Maps raw pixels `(u, v)` to points as [`Camera::pixel_to_surface`] does, and computes their statuses.
     ///
     /// A pixel is inside the EFOV if the floor point on its ray is inside, even if a surface occludes the
     /// floor point.
@@ -391,7 +391,7 @@ mod surface_projector_tests {
             for (&(u, v), (found, status)) in at.iter().zip(mapped(&camera, &surfaces, &at)) {
                 let pixel = Pixel { u, v };
                 let expected = camera.pixel_to_surface(pixel, 0.0, &surfaces);
-                // Rounding decides on the edge of a region.
+                // On the edge of a region, the surface depends on rounding.
                 let nudged = [(1e-5, 0.0), (-1e-5, 0.0), (0.0, 1e-5), (0.0, -1e-5)].map(|(du, dv)| {
                     camera.pixel_to_surface(Pixel { u: u + du, v: v + dv }, 0.0, &surfaces).map(|p| p.surface)
                 });

@@ -1,6 +1,6 @@
 //! Geographic coordinates of a site: the plane that touches the WGS84 ellipsoid at world (0, 0).
 //!
-//! World axes are rotated about the vertical against east and north, and have scale 1. Coordinates are converted
+//! World axes are rotated about the vertical from east and north, and have scale 1. Coordinates are converted
 //! through earth-centred coordinates, so they are exact at any distance. A projected grid has a scale factor and
 //! a convergence, and is not a tangent plane.
 //!
@@ -107,7 +107,7 @@ impl TangentPlane {
         WorldPoint { x, y, z }
     }
 
-    /// Returns the floor point at a latitude and longitude, in degrees. Its height above the floor is 0.
+    /// Returns the floor point at a latitude and longitude, in degrees. The point is assumed to be on the floor.
     #[must_use]
     pub fn floor_of_degrees(&self, [latitude, longitude]: [f64; 2]) -> FloorPoint {
         let (latitude, longitude) = (latitude.to_radians(), longitude.to_radians());

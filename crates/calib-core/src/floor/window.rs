@@ -10,8 +10,8 @@ use crate::floor::remap::Remap;
 
 /// Direction and field of view of a flat window relative to the axis of its camera, in radians.
 ///
-/// The angles are applied as for a [`Camera`], in the order yaw, pitch, roll, as if the camera were upright
-/// and level and looked along its axis.
+/// The angles are applied in the order yaw, pitch, roll, as for a [`Camera`]. If all angles are 0, the window
+/// looks along the axis, and its up direction is the up direction of the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ViewDirection {
     /// Pitch, in radians, positive downwards.
@@ -35,7 +35,7 @@ pub enum Mount {
 }
 
 impl Mount {
-    /// Returns the mounting of a camera with this pitch, in radians.
+    /// Returns the likely mounting of a camera with this pitch, in radians: a ceiling above 45°, otherwise a wall.
     #[must_use]
     pub fn from_pitch(pitch: f64) -> Self {
         if pitch > 0.25 * PI { Self::Ceiling } else { Self::Wall }
@@ -212,15 +212,15 @@ impl Window {
         self.pixel([x / focal, y / focal, z])
     }
 
-    /// Computes the map from raw images of `raw` pixels to the window. Returns `None` for a raw image of
-    /// fewer than 2 x 2 pixels, and for images of 1.4 gigapixels and more.
+    /// Computes the map from the window to raw images of the size `raw`, in pixels. Returns `None` for a raw image
+    /// of fewer than 2 x 2 pixels, and for images of 1.4 gigapixels and more.
     #[must_use]
     pub fn remap(&self, lens: &Lens, focal: f64, raw: [usize; 2]) -> Option<Remap> {
         Remap::new(raw, self.size, |pixel| self.raw(lens, focal, pixel))
     }
 
-    /// Returns the pinhole camera that is equivalent to a flat window. Returns `None` for a cylindrical
-    /// window. The covariance of the pinhole camera is zero.
+    /// Returns the pinhole camera that is equivalent to a flat window of the camera `of`. Returns `None` for a
+    /// cylindrical window. The covariance of the pinhole camera is zero.
     #[must_use]
     pub fn camera(&self, of: &Camera) -> Option<Camera> {
         let camera = of.rotation();
@@ -235,9 +235,9 @@ impl Window {
     }
 }
 
-/// Returns the largest angle from the axis that a camera sees at the middle of a side of its image, in
-/// radians. For a fisheye with a circle inside the image, it is the angle of the rim. `focal` is the focal
-/// length of the camera, in pixels.
+/// Returns the largest visible angle from the axis, in radians, along the row and the column of the principal
+/// point. For a fisheye with a circle inside the image, it is the angle of the rim. `focal` is the focal length
+/// of the camera, in pixels.
 #[must_use]
 pub fn lens_reach(lens: &Lens, focal: f64, [width, height]: [f64; 2]) -> f64 {
     let Pixel { u: cu, v: cv } = lens.principal_point;

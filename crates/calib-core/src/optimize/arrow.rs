@@ -79,7 +79,7 @@ impl NuisanceJacobian {
     }
 }
 
-/// Arrow-shaped normal equations of stage 1 at a state; see the module for the symbols.
+/// Arrow-shaped normal equations of stage 1 at a state. For the symbols, see the module documentation.
 #[derive(Clone, Debug)]
 pub(crate) struct Normal {
     /// Sum of squares of the residuals.

@@ -3,8 +3,8 @@
 //! Formulas of stage 1 have two kinds of arguments: the camera parameters, and the end points of the
 //! annotations. The end points depend on the lens. Most evaluations need only the derivatives with respect to
 //! the camera parameters. For them, parameters are [`Dual`] and end points are `f64`. A bundle adjustment
-//! with a free lens also needs the derivatives with respect to the lens. For them, both are [`ByLens`]. A
-//! formula is generic, with the trait bound [`NumberOver`].
+//! with a free lens also needs the derivatives with respect to the lens. For these derivatives, parameters and
+//! end points are [`ByLens`]. A formula is generic, with the trait bound [`NumberOver`].
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 

@@ -102,7 +102,7 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
     /// Whether the next step is almost a Gauss-Newton step, with no rejection since the last accepted step.
     pub(crate) fn is_undamped(&self) -> bool {
         /// Maximum damping of a step that is almost a Gauss-Newton step. It is a tenth of the weakest
-        /// constraint, relative to the diagonal.
+        /// constraint relative to the diagonal, which is 1e-6 (see the module documentation).
         const MAX_NEGLIGIBLE_DAMPING: f64 = 1e-7;
         self.damping <= MAX_NEGLIGIBLE_DAMPING && self.growth <= GROWTH
     }

@@ -3,7 +3,7 @@
 //! Rule: no geometry. A problem consists of residuals with Jacobians; only the caller interprets it. The
 //! files:
 //!
-//! - `statistics`: scores, quantiles and tails of the normal and the chi-square distribution.
+//! - `statistics`: scores, quantiles and tails of the normal and chi-square distributions.
 //! - `nelder_mead`: minimiser without derivatives, for the criterion of the paper.
 //! - `levenberg_marquardt`: minimiser for sums of squares (`LeastSquares`, `least_squares`).
 //! - `dense`: arithmetic of small dense blocks, and products of large matrices.

@@ -19,8 +19,8 @@
 //! The factor L of the matrix `S = L L'` is computed in place, supernode by supernode. Let R be the rows of
 //! supernode j below its own blocks. The panel of j is replaced by `[L_jj; L_Rj]` with
 //! `L_Rj = S_Rj L_jj'^-1`. Then `L_Rj L_Rj'` is subtracted from the panels of the supernodes that own R.
-//! Unlike a factorisation of single entries, this works on dense panels (Ng and Peyton 1993, "Block Sparse
-//! Cholesky Algorithms on Advanced Uniprocessor Computers").
+//! Unlike a factorisation of single entries, this method works on dense panels (Ng and Peyton 1993, "Block
+//! Sparse Cholesky Algorithms on Advanced Uniprocessor Computers").
 
 use std::ops::Range;
 use std::sync::Arc;

@@ -107,7 +107,7 @@ codes! {
 pub enum Severity {
     /// Information; the result is valid.
     Note,
-    /// The result should not be used before this is resolved.
+    /// The result should not be used before the finding is resolved.
     Warning,
     /// A line, a value or the result is wrong.
     Error,

@@ -42,7 +42,7 @@ pub enum Failure {
         /// Number of control points that are switched on.
         count: usize,
     },
-    /// No pose and focal length fit the control points, and no exchange of two points explains it.
+    /// No pose and focal length fit the control points, even if the pixels of two points are exchanged.
     ContradictoryPoints {
         /// Number of control points that are switched on.
         count: usize,

@@ -116,15 +116,15 @@ pub enum Finding {
         /// Relative standard deviation of the focal length.
         sigma: f64,
     },
-    /// Other cameras fit the lines equally well.
+    /// Other solutions of the camera fit the lines equally well.
     TwoSolutions {
         /// Other local minima.
         others: Vec<OtherMinimum>,
-        /// Whether every other minimum is the camera rotated by about 180 degrees. Lines cannot distinguish
-        /// it from the solution.
+        /// Whether every other minimum is the solution rotated by about 180 degrees. Lines cannot distinguish
+        /// between the two.
         is_turned: bool,
-        /// Suggested next annotation: the one that would most reduce the error of floor
-        /// lengths. `None` without a suggestion.
+        /// Suggested next annotation, which would reduce the error of floor lengths the most. `None` without
+        /// a suggestion.
         next: Option<Suggestion>,
     },
     /// The predicted relative error of floor lengths is large.
@@ -174,7 +174,7 @@ pub enum Finding {
         /// The upright that gives the highest camera height, and that height in metres.
         highest: (Source, f64),
     },
-    /// The entered principal point contradicts the lines; another one explains all of them.
+    /// The entered principal point contradicts the lines; another principal point explains all lines.
     WrongPrincipalPoint {
         /// Entered principal point, in raw pixels.
         entered: Pixel,

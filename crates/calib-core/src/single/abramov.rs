@@ -29,7 +29,7 @@ const START_FIELDS_OF_VIEW_DEG: [f64; 12] =
 /// `width` is the width of the image, in pixels.
 ///
 /// # Errors
-/// If there are fewer lines than the method needs. The error states which are missing.
+/// If there are fewer lines than the method needs, or if no pitch and focal length are possible.
 pub fn minimum(
     constraints: &Constraints,
     fixed: FixedParameters,
@@ -61,7 +61,8 @@ pub fn minimum(
 ///
 /// `v` is the vanishing point of the verticals, and `h` that of a group of parallel floor lines, both
 /// relative to the principal point. If there are several groups, the group with the largest spread of image
-/// directions is used. `None` if no group gives a focal length.
+/// directions is used. Returns `None` if the verticals have no vanishing point, or if no group gives a focal
+/// length.
 #[must_use]
 pub fn closed_form(constraints: &Constraints) -> Option<Orientation> {
     let nadir =

@@ -3,7 +3,7 @@
 //! A 5 x 5 grid of pixels in the EFOV is projected to the floor. [`FloorJacobian`] is a point in camera
 //! heights with its derivatives with respect to roll, pitch and log focal length. The log length between two
 //! points has the gradient `g` with respect to the parameters. With their covariance C its variance is `g' C g`.
-//! The result is the root of the mean over all pairs ([`floor_length_rel`]). After stage 2 the covariance of the
+//! The result is the root of the mean variance of all pairs ([`floor_length_rel`]). After stage 2 the covariance of the
 //! placed camera is used, including height and lens ([`placed_floor_length_rel`]).
 
 use crate::camera::{Camera, Covariance, FloorPoint, Lens, Pixel};
@@ -20,8 +20,8 @@ const POINTS_PER_SIDE: usize = 5;
 pub struct Grid(Vec<[f64; 3]>);
 
 impl Grid {
-    /// Creates the grid inside an image polygon, for example the annotated EFOV. If the polygon has more than four
-    /// corners, the grid spans the four that are farthest along the diagonals.
+    /// Creates the grid inside an image polygon, for example the annotated EFOV. If the polygon does not have four
+    /// corners, the grid spans the corners that are farthest along the diagonals.
     pub(crate) fn from_polygon(camera: &Camera, corners: &[Pixel]) -> Self {
         let [a, b, c, d] = four_corners(corners);
         let points = (0..POINTS_PER_SIDE * POINTS_PER_SIDE).filter_map(|k| {
@@ -63,8 +63,8 @@ fn four_corners(corners: &[Pixel]) -> [Pixel; 4] {
 /// Returns the root mean square of the predicted relative standard deviations of lengths between all pairs of
 /// grid points on the floor.
 ///
-/// With `g` the gradient of a log length, its variance is `g' C g`. If the height is unknown, the common
-/// scale is not an error, and the mean of `g` is subtracted. `None` if fewer than three grid points are on
+/// A log length with the gradient `g` has the variance `g' C g`. If the height is unknown, the common scale
+/// is not an error, and the mean of `g` is subtracted. Returns `None` if fewer than three grid points are on
 /// the floor.
 pub(crate) fn floor_length_rel(
     parameters: &Parameters,
@@ -121,10 +121,10 @@ fn length_rel<const N: usize>(
     variance.is_finite().then(|| variance.max(0.0).sqrt())
 }
 
-/// Computes the floor error of a placed camera like `floor_length_rel`, with its whole covariance,
-/// including its lens.
+/// Computes the error of floor lengths of a placed camera as `floor_length_rel` does, but with the whole
+/// covariance of the camera, including the lens.
 ///
-/// Returns `None` also if the uncertainty of the camera is unknown.
+/// Also returns `None` if the uncertainty of the camera is unknown.
 pub fn placed_floor_length_rel(camera: &Camera, grid: &Grid) -> Option<f64> {
     placed_length_rel(camera, grid, camera.covariance.sigma(Covariance::Z).is_some())
 }

@@ -1,7 +1,7 @@
 //! Findings about a fit, and suggested annotations.
 //!
 //! Suggestions are a greedy experimental design of one step. Every candidate is added to the constraints at
-//! the estimate, where its residual is 0. The error of floor lengths is then predicted with its information.
+//! the estimate, where its residual is 0. The error of floor lengths is then predicted with the candidate.
 //! If the scale is unknown, a guessed standard deviation is used for the common scale.
 //!
 //! Links to another camera are evaluated in the same way. The other camera is assumed to be like this one,
@@ -293,7 +293,7 @@ pub fn suggest_lines(fit: &Fit, constraints: &Constraints, options: &FitOptions)
     // A comparison with NaN is false, so invalid candidates are removed.
     suggestions.retain(|line| line.suggestion.ratio < MAX_RATIO && line.suggestion.ratio.is_finite());
     suggestions.sort_by(|a, b| a.suggestion.floor_length_rel.total_cmp(&b.suggestion.floor_length_rel));
-    // With a guessed scale, the shape of the floor has priority.
+    // If the scale is guessed, the suggestion of a known size comes last: the shape has priority.
     suggestions.sort_by_key(|line| {
         !fit.is_height_known && line.suggestion.annotation == SuggestedAnnotation::KnownSize
     });

@@ -266,7 +266,7 @@ pub struct Annotation {
     /// Id of an object of usual size, instead of a length or height.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub like: Option<String>,
-    /// Standard deviation of a drawn coordinate, in pixels; the camera's value if absent.
+    /// Standard deviation of an annotated coordinate, in pixels; the camera's value if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sigma_px: Option<f64>,
     /// Standard deviation of the right angle, in degrees; the scene's value if absent.
@@ -392,7 +392,7 @@ pub struct UsualSize {
     pub title: &'static str,
     /// Usual size with its standard deviation, in metres.
     pub size: Known,
-    /// Whether the size is a length on the floor or the height of an upright object.
+    /// Constraint of the size: [`ConstraintKind::Length`] on the floor, or [`ConstraintKind::Upright`].
     pub constraint: ConstraintKind,
     /// Whether the object is parallel to the road, like a lane mark.
     pub is_along_road: bool,

@@ -140,7 +140,7 @@ pub struct Constraints<E = f64> {
     pub scene: SceneErrors,
     /// Repeat counts: factors of the variances of repeated segments.
     pub repeats: Repeats,
-    /// Standard deviation of a drawn coordinate of every annotation, in pixels; `None` for the camera's
+    /// Standard deviation of the coordinates of every annotation, in pixels; `None` for the camera's
     /// value.
     pub sigma_px: Vec<Option<f64>>,
     /// Segments that give no constraint, with the reason.
@@ -192,7 +192,8 @@ pub(crate) fn weight_repeats<E: Number>(drawn: &mut Constraints<E>) {
     weight_repeated_uprights(drawn);
 }
 
-/// Scales the noise of repeated lines, and the variances of the deviations of their directions.
+/// Scales the noise of repeated lines so that all copies together count once. Scales the variances of their
+/// direction deviations likewise.
 fn weight_repeated_lines<E: Number>(constraints: &mut Constraints<E>) {
     let drawn: Vec<_> =
         constraints.lines.iter().map(|line| polyline(line.chart.as_ref(), line.ends.each_ref())).collect();
@@ -231,7 +232,8 @@ fn weight_repeated_lines<E: Number>(constraints: &mut Constraints<E>) {
         .insert(constraints.lines.iter().zip(&counts).map(|(line, [count, ..])| (line.source, count.all)));
 }
 
-/// Scales the noise and spread of repeated lengths, and the variances of the priors on their groups.
+/// Scales the noise and spread of repeated lengths so that all copies together count once. Scales the variances
+/// of the length priors of their groups likewise.
 fn weight_repeated_lengths<E: Number>(constraints: &mut Constraints<E>) {
     let drawn: Vec<_> = constraints
         .lengths
@@ -471,7 +473,7 @@ impl<'a, E: LensNumber> Builder<'a, E> {
         }))
     }
 
-    /// Adds one line for every segment; `direction` returns its direction and deviation.
+    /// Adds one line for every segment; `direction` maps the index of a segment to its direction and deviation.
     fn add_lines(
         &mut self,
         annotation: usize,

@@ -5,8 +5,8 @@
 //! `N(0, (r crossfall)^2)`. r is the mean resultant length of the doubled directions a of the marks (Mardia
 //! and Jupp 2000, section 2.3.1). The directions are doubled because they have no sign. r is 1 for marks
 //! along a lane. It is 0 for marks at right angles, as for the joints of tiles, which are laid level. The
-//! slope along the marks is smaller by the factor g ([`GRADIENT_RATIO`]). With the mean (c, s) of
-//! `(cos 2a, sin 2a)`, `r^2 = c^2 + s^2`, the covariance of the lean of the verticals against the floor is
+//! slope along the marks is smaller by the factor g ([`GRADIENT_RATIO`]). Let (c, s) be the mean of
+//! `(cos 2a, sin 2a)`, with `r^2 = c^2 + s^2`. The covariance of the lean of the verticals against the floor is
 //!
 //! `floor_tilt^2 I + crossfall^2 r / 2 [k - m c, -m s; -m s, k + m c]` with `k = (1 + g^2) r` and
 //! `m = 1 - g^2`.

@@ -7,15 +7,16 @@
 //!    chosen: usual focal length, upright, looking down. The other plausible ones are reported as
 //!    alternatives.
 //! 4. The covariance of roll, pitch, log focal length and log height is the inverse of the normal equations.
-//!    If the noise was not given, it is scaled by `chi2 / dof`, and by Student's factor for few residuals
-//!    ([`Noise`]). It is unknown if no noise level explains the residuals ([`is_inconsistent`]).
+//!    If the noise was not given, the covariance is scaled by `chi2 / dof`, and by the square of Student's factor
+//!    for few residuals ([`Noise`]). It is unknown if no noise level explains the residuals
+//!    ([`is_inconsistent`]).
 //! 5. The predicted relative error of floor lengths, [`Fit::floor_length_rel`], is that covariance propagated
 //!    to the lengths between points of the EFOV (`accuracy.rs`).
 //!
 //! # Restricted likelihood
 //!
-//! [`Fit::restricted_log_likelihood`] is the likelihood of annotations for given standard deviations of the
-//! scene and of the annotation noise. The defaults of [`SceneErrors`] are estimated with it. The restricted
+//! [`Fit::restricted_log_likelihood`] measures the likelihood of annotations for given standard deviations of
+//! the scene and of the annotation noise. The defaults of [`SceneErrors`] are estimated with it. The restricted
 //! likelihood (Patterson and Thompson 1971) integrates over camera and nuisance parameters, with flat or
 //! normal priors. So the fit does not bias the standard deviations downwards.
 //!
@@ -55,13 +56,13 @@ pub struct FitOptions<'a> {
     pub lens: Lens,
     /// Width and height of the image, in pixels.
     pub size: [f64; 2],
-    /// Polygon of the effective field of view, in raw pixels; empty if none was drawn.
+    /// Polygon of the effective field of view, in raw pixels; empty if the EFOV was not annotated.
     pub efov: &'a [Pixel],
     /// Parameters that are not estimated, with their values.
     pub fixed: FixedParameters,
     /// Priors on parameters.
     pub priors: Priors,
-    /// Standard deviation of a drawn coordinate, in pixels; estimated from the residuals if absent.
+    /// Standard deviation of an annotated coordinate, in pixels; estimated from the residuals if absent.
     pub sigma: Option<f64>,
     /// Whether the weak prior on the focal length is allowed.
     pub weak_prior: bool,
@@ -121,7 +122,7 @@ pub struct Fit {
     pub chi2: f64,
     /// Residuals minus unknowns, without the weak prior.
     pub dof: i64,
-    /// Standard deviation of a drawn coordinate, in pixels: as given, or estimated from the residuals.
+    /// Standard deviation of an annotated coordinate, in pixels: as given, or estimated from the residuals.
     pub sigma: f64,
     /// Predicted relative standard deviation of lengths on the floor; `None` if no floor is visible in the
     /// EFOV, or if the covariance is unknown.
@@ -138,7 +139,7 @@ pub struct Fit {
     pub noise_dof: Option<i64>,
     /// Other minima that the chi-square does not rule out.
     ///
-    /// If the constraints do not determine the focal length, they include the minimum without the weak prior.
+    /// If the constraints do not determine the focal length, the minimum without the weak prior is included.
     pub alternatives: Vec<LocalMinimum>,
     /// Whether one of the alternatives is a local minimum of the same problem, rather than the minimum
     /// without the weak prior.
@@ -224,7 +225,8 @@ impl Fit {
         })
     }
 
-    /// Whether the annotations alone determine the camera: one minimum, without the weak prior.
+    /// Whether the annotations alone determine the camera: one minimum with an accurate focal length, without
+    /// misfit and without the weak prior.
     #[must_use]
     pub fn determines_camera(&self) -> bool {
         let is_sharp = self.log_focal_sigma.is_none_or(|sigma| sigma < MIN_LOG_FOCAL_SIGMA_FOR_PRIOR);
@@ -281,7 +283,7 @@ fn alternatives(
     let implausibility =
         |minimum: &Minimum| implausibility(&camera_of(minimum, problem, options), options.efov);
     let best = &found.minima[chosen];
-    // A camera that shows no floor may hang upside down, so its twin is reported however unusual it is.
+    // A camera that shows no floor may hang upside down, so other minima are reported even if unusual.
     let shows_floor = !default_efov(&camera_of(best, problem, options), options.size).polygon.is_empty();
     let beyond = if shows_floor { implausibility(best) + MIN_COST_DIFFERENCE } else { f64::INFINITY };
     let is_open = log_focal_sigma.is_some_and(|sigma| sigma > MAX_LOG_FOCAL_SIGMA);
@@ -314,8 +316,8 @@ fn nearest(minima: &[Minimum], to: &Minimum) -> Option<usize> {
     (0..minima.len()).min_by(|&a, &b| distance(&minima[a]).total_cmp(&distance(&minima[b])))
 }
 
-/// Returns the grid of points between which floor lengths are predicted, in the drawn EFOV or in the default
-/// EFOV.
+/// Returns the grid of points between which floor lengths are predicted, in the annotated EFOV or in the
+/// default EFOV.
 pub fn grid(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> Grid {
     if efov.is_empty() {
         Grid::from_floor(camera, &default_efov(camera, size).polygon)
@@ -326,8 +328,8 @@ pub fn grid(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> Grid {
 
 /// Returns the index of the most plausible minimum that the chi-square does not rule out.
 ///
-/// Plausible means: usual focal length, upright, looking down. If the focal length has a prior of its own,
-/// the chi-square replaces the usual focal length. If the weak prior is not allowed, the lowest minimum is
+/// Plausible means: usual focal length, upright, looking down. If the focal length has another prior, the
+/// chi-square replaces the usual focal length. If the weak prior is not allowed, the lowest minimum is
 /// chosen.
 fn choose(found: &Solutions, problem: &Problem, options: &FitOptions) -> Option<usize> {
     if found.minima.is_empty() || !options.weak_prior {

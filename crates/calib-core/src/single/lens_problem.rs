@@ -15,9 +15,9 @@
 //! # Focal length and principal point of a fisheye
 //!
 //! A fisheye may also have a free focal length and a free principal point, which are fitted to the straight
-//! edges together with the coefficients. The focal length is determined by edges far from the axis, or else
-//! by the priors on the coefficients. The lines of stage 1 determine it better in the joint fit. The
-//! principal point has a prior.
+//! edges together with the coefficients. Edges far from the axis determine the focal length. Without
+//! such edges, the priors on the coefficients determine it. The lines of stage 1 determine it better in the
+//! joint fit. The principal point has a prior.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -31,7 +31,8 @@ use crate::single::straightness::{
     Edge, outermost, straightness_in_charts_of, straightness_with_jacobian, uninformative,
 };
 
-/// Standard deviation of k1 of the Brown-Conrady model, with coordinates in units of half the image diagonal.
+/// Standard deviation of the prior on k1 of the Brown-Conrady model, with coordinates divided by half the image
+/// diagonal.
 pub(crate) const K1_SIGMA: f64 = 0.2;
 /// Standard deviation of the prior on k2, in the coordinates of [`K1_SIGMA`]. The expected value is the square of
 /// k1 if k1 is negative, and otherwise 0.
@@ -41,8 +42,8 @@ const K3_SIGMA: f64 = 0.1;
 /// Standard deviation of the priors on p1 and p2, in the coordinates of [`K1_SIGMA`].
 const TANGENTIAL_SIGMA: f64 = 0.003;
 
-/// Standard deviations of k1 to k4 of a fisheye. The design families of fisheyes have k1 and k2 of 0 and 0
-/// (equidistant), -0.042 and 0.0005 (equisolid), 0.083 and 0.008 (stereographic).
+/// Standard deviations of the priors on k1 to k4 of a fisheye. The design families of fisheyes have k1 and k2
+/// of 0 and 0 (equidistant), -0.042 and 0.0005 (equisolid), 0.083 and 0.008 (stereographic).
 const FISHEYE_SIGMAS: [f64; 4] = [0.07, 0.03, 0.01, 0.003];
 
 /// Standard deviation of the log slope of a fisheye: `d radius / d angle` relative to its value at the axis.
@@ -65,7 +66,7 @@ pub(crate) struct LensResidual {
 }
 
 /// Returns the prior residuals of the fitted parameters, given by their indices. `centre` and `aspect` are the
-/// priors on the principal point and on the pixel aspect; without the second, the pixel aspect is not fitted.
+/// priors on the principal point and on the pixel aspect; without `aspect`, the pixel aspect has no residual.
 ///
 /// The coefficients of the division model and the focal length of a fisheye have no prior.
 pub(crate) fn lens_prior(
@@ -141,7 +142,8 @@ fn fisheye_prior(k: &[f64; 4], fitted: &[usize]) -> Vec<LensResidual> {
 
 /// Returns the prior residual of the slope of a fisheye at its outermost annotated point.
 ///
-/// `None` for other lenses. Infinite if the lens does not show that point.
+/// Returns `None` for other lenses and without annotated points. The residual is infinite if the lens does not
+/// show the point.
 pub(crate) fn slope_prior(lens: &Lens, outermost: Option<Pixel>) -> Option<LensResidual> {
     let pixel = outermost.filter(|_| lens.distortion.is_wide())?;
     let (log, by) = lens.log_slope(pixel).unwrap_or((f64::INFINITY, [0.0; Lens::PARAMETERS]));
@@ -156,7 +158,7 @@ pub(crate) fn slope_prior(lens: &Lens, outermost: Option<Pixel>) -> Option<LensR
 pub(super) struct LensProblem<'a> {
     pub(super) edges: Vec<&'a Edge>,
     /// Number of times that the same physical edge is annotated, for every edge: 1 plus the fractions that other
-    /// polylines cover. The squared residuals of the edge are divided by it.
+    /// polylines cover. The squared residuals of the edge are divided by this number.
     pub(super) repeat_counts: Vec<f64>,
     /// Distortion model and its fitted coefficients.
     pub(super) fitted: FittedCoefficients,
@@ -169,8 +171,8 @@ pub(super) struct LensProblem<'a> {
     pub(super) principal_point: Pixel,
     /// Pixel aspect of the lens.
     pub(super) pixel_aspect: f64,
-    /// Focal length to which the coefficients refer, in pixels: half the image diagonal, or the (start value of
-    /// the) focal length of a model with its own.
+    /// Focal length that the coefficients refer to, in pixels: half the image diagonal. For a model with its own
+    /// focal length, it is that focal length or its start value.
     pub(super) unit: f64,
     /// Width and height of the image, in pixels.
     pub(super) size: [f64; 2],
@@ -181,7 +183,7 @@ pub(super) struct LensProblem<'a> {
 }
 
 impl LensProblem<'_> {
-    /// Returns the lens whose fitted parameters are all 0, from which the estimate starts.
+    /// Returns the lens whose fitted parameters are all 0. It defines the charts of the edges.
     fn start(&self) -> Lens {
         self.lens(&[])
     }
@@ -235,7 +237,7 @@ impl LensProblem<'_> {
     /// Returns the residuals, in pixels, and their Jacobian; edges first, then priors scaled by `sigma`. The best
     /// line of every edge is refitted, so its parameters are eliminated.
     ///
-    /// `None` if the lens folds back on itself before a corner of the image.
+    /// Returns `None` if the lens folds back on itself before a corner of the image, or cannot undistort a point.
     pub(super) fn residuals_and_jacobian(&self, values: &[f64]) -> Option<(DVector<f64>, DMatrix<f64>)> {
         let (lens, start) = (self.lens(values), self.start());
         let indices = &self.indices()[..values.len()];
@@ -278,9 +280,9 @@ impl LensProblem<'_> {
 
     /// Returns the edges that carry almost no information about the lens.
     ///
-    /// With a fitted lens, these are the edges without which the corner would be hardly less certain.
-    /// Otherwise they are the edges that a distortion would hardly curve. Fisheyes have none, because they
-    /// curve every edge that is not radial.
+    /// These are the edges that a distortion would hardly curve. With a fitted lens, the corner must also be
+    /// hardly less certain without the edge. A fisheye has no such edges, because it curves every edge that is
+    /// not radial.
     pub(super) fn uninformative(&self, values: &[f64]) -> Vec<(Source, f64)> {
         /// Ratio of the standard deviations of the undistorted corner without and with an edge. Below this ratio the
         /// edge is uninformative.
@@ -391,7 +393,7 @@ impl LensProblem<'_> {
 /// Returns the derivatives of the undistorted position of a pixel with respect to the parameters of a lens; for
 /// a wide lens, in the chart around the pixel.
 ///
-/// Outside the lens, the nearest valid pixel toward the principal point is used.
+/// If a wide lens does not show the pixel, the nearest valid pixel toward the principal point is used.
 pub(super) fn undistorted_by_parameters(lens: &Lens, place: Pixel) -> Option<ByParameters> {
     /// Largest number of pixels tried for a wide lens, from the given pixel toward the principal point, to
     /// find a valid one.

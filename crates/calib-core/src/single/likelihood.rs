@@ -1,13 +1,13 @@
 //! Stage 1 as a least-squares problem: the maximum-likelihood estimate of roll, pitch, focal length and
-//! height. Every residual is in units of its standard deviation, so no weight is set by hand.
+//! height. Every residual is in units of its standard deviation, so no weights are chosen.
 //!
 //! The core parameters are roll, pitch, log focal length and log height. The nuisance parameters are the
 //! angle of every group of floor directions, the log length of every group of equal segments, and the scene's
 //! own errors ([`Nuisances`]). A residual depends on the core parameters and on few nuisance parameters of
 //! one block, so the normal equations have the shape of an arrow (`optimize/arrow.rs`).
 //!
-//! The residuals of annotations are divided by the standard deviation of a drawn coordinate, and the residuals
-//! of priors by the standard deviation of the prior. The sum of squares is minus twice the log likelihood, up to
+//! Residuals of annotations are divided by the standard deviation of an annotated coordinate, and residuals of
+//! priors by the standard deviation of the prior. The sum of squares is minus twice the log likelihood, up to
 //! a constant. The residuals of lines are exact, with the true line eliminated. The residuals of lengths have
 //! Sampson's form `(log length - log L) / |grad log length|`. `log L` is the nuisance parameter of the group,
 //! or the log of the known length in camera heights (see `size_residual.rs`).
@@ -32,7 +32,7 @@ use crate::single::vanishing_point::unrolled;
 #[derive(Clone, Debug)]
 pub(crate) struct Problem<'a, E = f64> {
     pub(crate) constraints: &'a Constraints<E>,
-    /// Standard deviation of a drawn coordinate, in pixels.
+    /// Standard deviation of an annotated coordinate, in pixels.
     pub(crate) sigma: f64,
     pub(crate) priors: Priors,
     /// Flag for every core parameter: whether it is estimated.
@@ -141,7 +141,7 @@ impl<'a> Problem<'a> {
     /// Returns the state with these core parameters, and the nuisance parameters in closed form: the mean
     /// direction and the mean log length of every group.
     ///
-    /// `None` if a length is above the horizon.
+    /// Returns `None` if a length is above the horizon, or if the camera is not above the plane of a length.
     pub(crate) fn state_at(&self, parameters: Parameters) -> Option<State> {
         let mut nuisance = vec![0.0; self.nuisances().count()];
         let mut sums = vec![[0.0; 2]; self.constraints.groups];
@@ -264,7 +264,7 @@ impl<'a, E: Number> Problem<'a, E> {
         frames.into_iter().enumerate().map(with_nuisances).collect()
     }
 
-    /// Returns the standard deviation of a drawn coordinate of an annotation, in pixels.
+    /// Returns the standard deviation of the coordinates of an annotation, in pixels.
     #[inline]
     pub(crate) fn sigma_of(&self, source: Source) -> f64 {
         self.constraints.sigma_px.get(source.annotation).copied().flatten().unwrap_or(self.sigma)
@@ -298,7 +298,8 @@ impl<'a, E: Number> Problem<'a, E> {
     /// Calls `sink` with every residual in standard deviations, its derivatives with respect to nuisance
     /// parameters (if derivatives are requested), and its source.
     ///
-    /// `None` if the geometry is impossible: a length above the horizon, or an unrealistic focal length.
+    /// Returns `None` if the geometry is impossible, for example a length above the horizon, or an unrealistic
+    /// focal length.
     pub(crate) fn each_residual<N: NumberOver<E>>(
         &self,
         state: &State,

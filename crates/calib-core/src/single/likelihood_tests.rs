@@ -126,7 +126,7 @@ proptest! {
         const STEP: f64 = 1e-6;
         let problem = Problem::new(&constraints, FixedParameters::default(), priors(), 0.7, 1920.0);
         let state = problem.state_at(parameters);
-let own = problem.nuisances().deviation(0);
+        let own = problem.nuisances().deviation(0);
         let state = state.map(|mut state| {
             let errors = state.nuisance[own..].iter_mut().enumerate();
             errors.for_each(|(i, value)| *value = 0.003 * (i as f64 - 2.0));

@@ -25,8 +25,8 @@ pub const MAX_LOG_FOCAL_SIGMA: f64 = 0.2;
 pub(crate) const MIN_LOG_FOCAL_SIGMA_FOR_PRIOR: f64 = 0.1;
 /// Minimum difference in chi-square that rules out the worse of two cameras.
 pub const MIN_CHI2_DIFFERENCE: f64 = 6.0;
-/// Maximum number of accepted steps of a run. Near a minimum convergence is quadratic; if the cost is flat in
-/// the focal length, the weak prior resolves it.
+/// Maximum number of accepted steps of a run. Near a minimum convergence is quadratic. If the cost is flat in
+/// the focal length, the weak prior determines the focal length.
 const MAX_STEPS: usize = 60;
 
 /// Returns the weak prior on the log of the focal length in pixels, for an image of this width: installed
@@ -50,7 +50,7 @@ pub(crate) fn minima(problem: &Problem, fixed: FixedParameters) -> Vec<Minimum> 
     minima_including(Vec::new(), problem, fixed)
 }
 
-/// Returns the known minima and every other one found, the lowest first.
+/// Returns the known minima and all other minima that are found, the lowest first.
 pub(crate) fn minima_including(
     known: Vec<Minimum>,
     problem: &Problem,
@@ -127,7 +127,7 @@ fn is_near_minimum(minimum: &Minimum, state: &State, cost: f64, problem: &Proble
     (0.0..1.0).contains(&(cost - minimum.chi2)) && (0..4).all(is_near)
 }
 
-/// Returns a start from the camera rotated by 180 degrees that lines fit equally well (`plausibility.rs`), if
+/// Returns a start at the camera rotated by 180 degrees, which fits lines equally well (`plausibility.rs`), if
 /// a minimum is doubtful.
 ///
 /// A minimum is doubtful if the camera is sideways or upside down, looks up, or contradicts a prior.
@@ -176,7 +176,7 @@ fn minimum(problem: &Problem, summary: Summary<Problem>) -> Option<Minimum> {
 /// vertical equals a camera with roll and yaw rotated by 180 degrees.
 fn normalize_angles(state: &mut State, problem: &Problem) {
     use std::f64::consts::{FRAC_PI_2, PI, TAU};
-    // A roll or pitch that is fixed or has a prior keeps its range.
+    // If the roll or the pitch is fixed or has a prior, both keep their values.
     if !problem.free[ROLL]
         || !problem.free[PITCH]
         || problem.priors.roll.is_some()
@@ -222,7 +222,7 @@ fn is_same(a: &Minimum, b: &Minimum, problem: &Problem) -> bool {
 /// first roll that leads to a minimum.
 ///
 /// Verticals determine the roll up to 180 degrees. Uprights determine it, because the head is above the foot.
-/// Lines alone cannot distinguish the two rolls of verticals, so the second one is then omitted.
+/// Without lengths and uprights, the two rolls fit equally well, so the second one is omitted.
 fn start_rolls(problem: &Problem, fixed: FixedParameters, vanishing: Option<[f64; 3]>) -> Vec<f64> {
     use std::f64::consts::{FRAC_PI_2, PI};
     if let Some(roll) = fixed.roll {
@@ -299,7 +299,7 @@ fn focals(problem: &Problem, fixed: FixedParameters) -> Vec<f64> {
 }
 
 /// Returns the states at the local minima of the cost on a grid of parameters, the lowest first, at most
-/// `most`. The cost includes the log determinant of the predicted heads.
+/// `most`. The cost includes the log determinant of the covariance of the predicted heads.
 fn lowest_on_grid(problem: &Problem, rows: &[Vec<Parameters>], most: usize) -> Vec<State> {
     let states: Vec<Vec<Option<(f64, State)>>> = rows
         .iter()

@@ -1,11 +1,11 @@
 //! Outliers among the annotations of one camera: a chi-square test of all residuals, then leave-one-out if it
 //! fails.
 //!
-//! If the test fails, the fit is repeated without each annotation. The annotation whose removal gives the
-//! best agreement of the rest is rejected. A large residual is not a substitute: an outlier pulls the fit
-//! toward itself, and with few lines its residual may be the smallest. With many lines only the most
-//! promising are left out, ranked by the linear model ([`Problem::chi2_without`]). The model corrects the
-//! residuals for their own leverage. Each constraint costs a four by four system instead of a fit.
+//! If the test fails, the fit is repeated without each annotation in turn. The annotation whose removal gives
+//! the best agreement of the rest is rejected. The largest residual is not a reliable criterion: an outlier
+//! pulls the fit toward itself, and with few lines its residual may be the smallest. With many lines, only the
+//! most promising ones are left out, ranked by the linear model ([`Problem::chi2_without`]). The model corrects
+//! the residuals for their own leverage. It solves a four by four system for each constraint instead of a fit.
 //!
 //! # Contradictory uprights
 //!
@@ -58,7 +58,7 @@ fn height_from_upright(camera: &Camera, annotation: &Annotation) -> Option<f64> 
     (fall < 0.0 && forward > 0.0 && height.is_finite() && height > 0.0).then_some(height)
 }
 
-/// Returns the estimated factor of the assumed variance of a drawn coordinate: `chi2 / dof`, at least 1.
+/// Returns the estimated factor of the assumed variance of an annotated coordinate: `chi2 / dof`, at least 1.
 ///
 /// The factor is 1 if there are too few residuals for an estimate, unless the residuals are a misfit.
 pub(crate) fn inflation(chi2: f64, dof: i64) -> f64 {
@@ -106,11 +106,11 @@ pub(crate) fn student_factor(dof: i64) -> f64 {
     }
 }
 
-/// Whether the residuals are so large that the annotations cannot belong to a scene of this kind: over five
-/// times the assumed noise.
+/// Whether the residuals contradict the model of the scene: their RMS is more than five times the assumed
+/// noise.
 ///
-/// Clicks and curved edges have errors of a few pixels. Larger errors are wrong annotations, not noise, and
-/// no factor converts them to a standard deviation.
+/// Clicks and curved edges have errors of a few pixels. Larger errors come from wrong annotations, so scaling
+/// the standard deviations would not account for them.
 pub fn is_inconsistent(chi2: f64, dof: i64) -> bool {
     /// Largest ratio of the estimated to the assumed standard deviation of the noise.
     const MAX_SIGMAS: f64 = 5.0;
@@ -120,7 +120,7 @@ pub fn is_inconsistent(chi2: f64, dof: i64) -> bool {
 /// Annotation noise as estimated from the residuals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Noise {
-    /// Factor by which the assumed variance of a drawn coordinate is multiplied.
+    /// Factor by which the assumed variance of an annotated coordinate is multiplied.
     pub(crate) inflation: f64,
     /// Degrees of freedom of the estimate; `None` if the noise is assumed.
     pub(crate) dof: Option<i64>,
@@ -130,7 +130,7 @@ impl Noise {
     /// Noise whose standard deviation is given by the caller.
     pub(crate) const GIVEN: Self = Self { inflation: 1.0, dof: None };
 
-    /// Estimates the noise by [`inflation`].
+    /// Estimates the noise with [`inflation`].
     ///
     /// If lines were rejected to make the rest agree, the assumed noise is refuted. Then only the remaining
     /// residuals are evidence of the noise.
@@ -140,7 +140,7 @@ impl Noise {
         Self { inflation, dof: is_estimated.then_some(dof) }
     }
 
-    /// Returns the factor of covariances: the inflation and the widening for few residuals.
+    /// Returns the factor of covariances: the inflation times the square of the widening for few residuals.
     pub(crate) fn spread(&self) -> f64 {
         self.inflation * self.widening().powi(2)
     }
@@ -169,7 +169,7 @@ pub(crate) struct OutlierSearch<'a> {
 /// Returns the solutions without outliers, and the outliers.
 ///
 /// The number of rejected constraints is at most four, and at most a third of the degrees of freedom, but one
-/// rejection is always tried. If no rejection explains the misfit, nothing is rejected.
+/// rejection is always tried. If the misfit remains, only significant outliers are rejected ([`is_significant`]).
 pub(crate) fn solve_without_outliers(problem: &Problem, search: OutlierSearch) -> (Solutions, Vec<Source>) {
     let mut rejected: Vec<Source> = Vec::new();
     let mut results = vec![solve(problem, search.fixed, search.weak_prior)];
@@ -196,7 +196,7 @@ pub(crate) fn solve_without_outliers(problem: &Problem, search: OutlierSearch) -
         let chi2_before = best.chi2;
         rejected.push(source);
         let fewer = Problem { rejected: &rejected, ..problem.clone() };
-        // If another rejection explains the misfit equally well, the outlier is ambiguous and none is
+        // If another rejection explains the misfit equally well, the outlier is ambiguous and is not
         // rejected.
         if !is_misfit(runner_up, fewer.dof()) && runner_up < chi2 + MIN_RUNNER_UP_CHI2_DIFFERENCE {
             break;
@@ -281,8 +281,8 @@ fn worst_outlier(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Op
     Some(Outlier { source, chi2, runner_up: scored.get(1).map_or(f64::INFINITY, |&(_, _, chi2)| chi2) })
 }
 
-/// Returns the constraints to leave out in turn, the largest residuals first; with many constraints, the most
-/// promising first.
+/// Returns the constraints to leave out in turn, the largest residuals first. With many constraints, returns
+/// only the most promising ones.
 fn outlier_candidates(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Vec<Source> {
     /// Largest number of constraints for which all are candidates.
     const MAX_UNSELECTED: usize = 40;

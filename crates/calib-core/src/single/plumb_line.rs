@@ -75,7 +75,7 @@ pub struct LensOptions {
     pub fitted: Option<FittedCoefficients>,
     /// Focal length of the coefficients, in pixels, for a model with its own; fitted if absent.
     pub focal: Option<f64>,
-    /// Standard deviation of a drawn coordinate, in pixels.
+    /// Standard deviation of an annotated coordinate, in pixels.
     pub sigma: f64,
 }
 
@@ -279,7 +279,7 @@ fn select_model<'a>(
     best
 }
 
-/// Returns the variance of a drawn coordinate, in square pixels: the given one, or a larger one estimated
+/// Returns the variance of an annotated coordinate, in square pixels: the given one, or a larger one estimated
 /// from the edges.
 ///
 /// Models are compared in units of this variance (overdispersion, Burnham and Anderson 2002, section 2.5).

@@ -75,7 +75,7 @@ pub struct StoredCamera<'a> {
     pub is_height_free: bool,
     /// Prior on the height.
     pub height_prior: Option<Prior>,
-    /// Standard deviation of a drawn coordinate, in pixels.
+    /// Standard deviation of an annotated coordinate, in pixels.
     pub sigma: f64,
     /// Constraints that were rejected as outliers.
     pub rejected: &'a [Source],
