@@ -84,9 +84,11 @@ fn closed_form(camera: &Camera, points: &[ControlPoint], height: Option<f64>) ->
     // to their mean.
     let middle = |value: fn(&WorldPoint) -> f64| points.iter().map(|p| value(&p.world)).sum::<f64>() / count;
     let centre = WorldPoint::new(middle(|p| p.x), middle(|p| p.y), middle(|p| p.z));
-    let candidates =
-        one_height(&rays, points, centre).into_iter().flatten().chain(all_heights(&rays, points, centre));
+    let candidates = [one_height(&rays, points, centre), all_heights(&rays, points, centre)];
     candidates
+        .into_iter()
+        .flatten()
+        .flatten()
         .map(|(x, y, z, yaw)| {
             let z = height.unwrap_or(z);
             Camera { position: WorldPoint { x, y, z }, yaw, ..*camera }
@@ -117,13 +119,14 @@ fn one_height(
     })
 }
 
-/// Returns x, y, z (metres) and yaw (radians) of the solution for points of different heights. The unknowns
-/// are x0, y0, `z0 cos yaw`, `z0 sin yaw`, `cos yaw`, `sin yaw`, with heights relative to their mean.
+/// Returns x, y, z (metres) and yaw (radians) of the solutions above and below the mean height of points of different
+/// heights. The unknowns are x0, y0, `z0 cos yaw`, `z0 sin yaw`, `cos yaw`, `sin yaw`, with heights relative to
+/// their mean.
 fn all_heights(
     rays: &[[f64; 3]],
     points: &[ControlPoint],
     centre: WorldPoint,
-) -> Option<(f64, f64, f64, f64)> {
+) -> Option<[(f64, f64, f64, f64); 2]> {
     let mut matrix = DMatrix::zeros(2 * rays.len(), 6);
     let mut right = DVector::zeros(2 * rays.len());
     for (i, ([dx, dy, dz], point)) in rays.iter().zip(points).enumerate() {
@@ -134,10 +137,13 @@ fn all_heights(
         right[2 * i + 1] = dz * (point.world.y - centre.y);
     }
     let x = SVD::new(matrix, true, true).solve(&right, 1e-12).ok()?;
-    // Both pairs have the direction of the yaw. Their sum weights each by its length.
-    let yaw = (x[3] + x[5]).atan2(x[2] + x[4]);
-    let z0 = x[2] * yaw.cos() + x[3] * yaw.sin();
-    Some((centre.x + x[0], centre.y + x[1], centre.z + z0, yaw))
+    // The first pair has the direction of the yaw if z0 > 0, and the opposite direction if z0 < 0. The sum or
+    // difference of the pairs weights each pair by its length.
+    Some([1.0, -1.0].map(|sign| {
+        let yaw = (sign * x[3] + x[5]).atan2(sign * x[2] + x[4]);
+        let z0 = x[2] * yaw.cos() + x[3] * yaw.sin();
+        (centre.x + x[0], centre.y + x[1], centre.z + z0, yaw)
+    }))
 }
 
 /// Returns the sum of the squared distances of the points from their pixels, in undistorted pixels; for a
@@ -158,12 +164,12 @@ fn square_error(camera: &Camera, points: &[ControlPoint]) -> f64 {
 
 /// Returns the camera with the covariance of its placement by control points. The covariance is propagated
 /// from the errors of the points, and from the covariance of all other parameters: roll, pitch, focal length
-/// and the parameters of the lens. If `is_height_fixed`, the height has no error. The camera is unchanged if an
-/// error is unknown, or if the points do not determine the placement.
+/// and the parameters of the lens. If `is_height_fixed`, the height has no error. The camera is unchanged if its
+/// uncertainty is unknown, or if the points do not determine the placement.
 ///
-/// With the derivatives `A` of the pixels by position and yaw `q`, and `B` by the other estimated parameters
-/// `p`, `dq = -(A'A)^-1 A' (B dp + noise)`. A world error of a point moves its pixel as the opposite movement
-/// of the camera does.
+/// Let `A` be the derivatives of the pixels with respect to position and yaw `q`. Let `B` be the derivatives
+/// with respect to the other estimated parameters `p`. Then `dq = -(A'A)^-1 A' (B dp + noise)`. A world
+/// error of a point moves its pixel as the opposite movement of the camera does.
 #[must_use]
 pub fn with_placement_covariance(
     camera: &Camera,
@@ -221,14 +227,14 @@ pub fn with_placement_covariance(
     Camera { covariance, ..*camera }
 }
 
-/// Returns the derivatives of the raw pixels of the points (u, v, u, v, ...) by one parameter of the camera.
-/// The derivatives are 0 for a point that is not visible.
+/// Returns the derivatives of the raw pixels of the points (u, v, u, v, ...) with respect to one camera
+/// parameter. The derivatives are 0 for a point that is not visible.
 fn pixel_derivatives(camera: &Camera, points: &[ControlPoint], index: usize) -> Vec<f64> {
     let pose = PosedCamera::new(*camera);
     points.iter().flat_map(|point| pixel_derivative(&pose, point.world, index).unwrap_or_default()).collect()
 }
 
-/// Returns the derivative of the raw pixel (u, v) of a point by the camera parameter with the index `index` in
+/// Returns the derivative of the raw pixel (u, v) of a point with respect to the camera parameter `index` of
 /// [`Covariance`]. By the chain rule, `d raw = (d raw / d undistorted) d undistorted`. A distortion coefficient and
 /// the principal point change only the raw pixel. Returns `None` if the point is not visible.
 fn pixel_derivative(pose: &PosedCamera, world: WorldPoint, index: usize) -> Option<[f64; 2]> {
@@ -252,13 +258,13 @@ fn pixel_derivative(pose: &PosedCamera, world: WorldPoint, index: usize) -> Opti
             _ => Some([0.0, 1.0]),
         });
     }
-    // `d_camera` contains the derivative by the log of the focal length.
+    // `d_camera` contains the derivative with respect to the logarithm of the focal length.
     let scale = if index == Covariance::FOCAL { pose.camera.focal.recip() } else { 1.0 };
     Some(multiply(jacobian, d_camera.map(|row| scale * row[index])))
 }
 
-/// Returns the derivative of the raw pixel (u, v) of a point by one parameter of a camera with a wide lens.
-/// The derivative is computed in the chart centred on that pixel.
+/// Returns the derivative of the raw pixel (u, v) of a point with respect to one parameter of a camera with a
+/// wide lens. The derivative is computed in the chart centred on that pixel.
 fn wide_derivative(pose: &PosedCamera, world: WorldPoint, index: usize) -> Option<[f64; 2]> {
     let camera = &pose.camera;
     let shown = camera.world_to_pixel(world)?;
@@ -278,8 +284,8 @@ fn wide_derivative(pose: &PosedCamera, world: WorldPoint, index: usize) -> Optio
     Some(observed.raw_offset(by))
 }
 
-/// Least-squares problem in x, y, z and yaw. The residuals are distances in undistorted pixels; for a wide
-/// lens in raw pixels.
+/// Least-squares problem in x, y, z and yaw. The residuals are the reprojection errors in u and v, in
+/// undistorted pixels; for a wide lens in raw pixels.
 struct Resection<'a> {
     camera: Camera,
     points: &'a [ControlPoint],
@@ -297,9 +303,9 @@ impl Resection<'_> {
     /// Returns the reprojection error (u, v) of a point, and the derivatives of u and v with respect to x, y, z
     /// and yaw. The unit is an undistorted pixel; for a wide lens a raw pixel.
     ///
-    /// The derivatives of the point in camera axes by the position are minus the columns of the rotation R.
-    /// The derivative by the yaw is `R (q_y, -q_x, 0)`, where q is the world vector from the camera to the
-    /// point.
+    /// The derivatives of the point in camera axes with respect to the position are minus the columns of the
+    /// rotation R. The derivative with respect to the yaw is `R (q_y, -q_x, 0)`, where q is the world vector
+    /// from the camera to the point.
     fn error(
         &self,
         camera: &Camera,
@@ -325,7 +331,7 @@ impl Resection<'_> {
         Some(([shown.u - drawn.u, shown.v - drawn.v], by))
     }
 
-    /// Returns the reprojection error and its derivatives as [`Self::error`], for a wide lens in raw pixels.
+    /// Returns the reprojection error and its derivatives as [`Self::error`] does, for a wide lens: in raw pixels.
     fn wide_error(&self, camera: &Camera, point: &ControlPoint) -> Option<([f64; 2], [Vector4<f64>; 2])> {
         let observed = ObservedPixel::new(point.pixel, &camera.lens)?;
         let shown = PosedCamera::new(*camera).reproject(point.world, observed.chart.as_ref())?;
@@ -433,8 +439,8 @@ mod tests {
         [a.distance(b), (0..Covariance::SIZE).map(|k| by(k) * row(k)).sum::<f64>().sqrt()]
     }
 
-    /// Noisy placements of one camera. Pitch, principal point and distortion are sampled with their standard
-    /// deviations. The position must have the right correlation with them: floor lengths depend on all.
+    /// Places one camera many times with noise. Pitch, principal point and distortion are sampled with their
+    /// standard deviations. The position must have the right correlation with them: floor lengths depend on all.
     ///
     /// The seed is fixed: a failure that happens by chance for one seed in 100,000 would otherwise soon occur.
     #[test]
@@ -484,12 +490,16 @@ mod tests {
 
     proptest! {
         #[test]
-        fn points_above_the_camera_give_position_below_them(camera in any_camera(), rise in 2.0..6.0_f64) {
-            // A camera that looks up at a ceiling.
+        fn points_above_the_camera_give_position_below_them(
+            camera in any_camera(),
+            rise in 2.0..6.0_f64,
+            steps in prop_oneof![Just([0.0; 4]), proptest::array::uniform4(0.0..3.0_f64)],
+        ) {
+            // A camera that looks up at a ceiling with steps.
             let camera = Camera { pitch: -camera.pitch.abs() - 0.3, ..camera };
-            let height = camera.position.z + rise;
-            let points: Vec<ControlPoint> = [(300.0, 300.0), (1600.0, 350.0), (900.0, 700.0), (400.0, 800.0)].iter().filter_map(|&(u, v)| {
-                let pixel = Pixel { u, v };
+            let pixels = [(300.0, 300.0), (1600.0, 350.0), (900.0, 700.0), (400.0, 800.0)];
+            let points: Vec<ControlPoint> = pixels.iter().zip(steps).filter_map(|(&(u, v), step)| {
+                let (pixel, height) = (Pixel { u, v }, camera.position.z + rise + step);
                 let above = camera.pixel_to_floor(pixel, height)?;
                 (above.distance(camera.position.on_floor()) < 40.0).then(|| ControlPoint { pixel, world: above.at_height(height) })
             }).collect();
