@@ -102,7 +102,7 @@ impl Operator {
         self.0.apply(Action::Gesture(Gesture::Accept));
     }
 
-    /// Drags the foot, ring and square of a camera on the plan to those of a placement.
+    /// Drags the foot, ring and square of a camera on the plan to their positions in the placement `to`.
     fn place(&mut self, camera: usize, to: Placement) {
         self.take("Select");
         self.0.apply(Action::SelectCamera(camera));
@@ -133,7 +133,7 @@ fn shown(camera: &Camera, at: FloorPoint) -> Option<Pixel> {
     ((50.0..1870.0).contains(&px.u) && (50.0..1030.0).contains(&px.v)).then_some(px)
 }
 
-/// Returns a site with two cameras of the demonstration that share floor.
+/// Returns a site with two cameras of the demonstration that show a common part of the floor, and the true cameras.
 fn two() -> (Site, [Camera; 2]) {
     let demo = calib_demo::demo_site();
     let mut site = demo.site;
@@ -141,7 +141,7 @@ fn two() -> (Site, [Camera; 2]) {
     (site, [demo.truth[0].1, demo.truth[1].1])
 }
 
-/// Adds images and draws lines; checks that the results follow at once.
+/// Returns an operator who has added two images and drawn their lines. Checks that results are available at once.
 fn drawn() -> Operator {
     let (demo, _) = two();
     let mut operator = Operator(Editor::default());
@@ -321,7 +321,7 @@ fn clicked_link_is_continued_and_two_links_of_one_point_are_merged() {
     };
     operator.click(Pane::Image(1), there);
     operator.0.apply(Action::Gesture(Gesture::Accept));
-    // A new link is then continued at the point that was clicked before.
+    // A new link is merged with the earlier one by a click near the point of the earlier one.
     operator.click(Pane::Image(0), [300.0, 600.0]);
     operator.click(Pane::Image(1), [there[0] + 3.0, there[1]]);
     assert_eq!(seen(&operator), [2], "a click on a link does not add another");
@@ -372,7 +372,7 @@ fn click_has_the_accuracy_of_the_zoom() {
     assert_eq!((seen.px, seen.sigma_px), (Some(Pixel::new(902.0, 801.0)), None));
     operator.undo();
     assert_eq!(operator.site().links[0].seen[0].sigma_px, Some(2.3));
-    // One end of a line was placed at a large scale; the other end is unchanged.
+    // One end of a line is dragged at a large scale. The less accurate other end determines the accuracy of the line.
     operator.take("Link");
     operator.0.apply(Action::Gesture(Gesture::Accept));
     let ends = [[200.0, 700.0], [400.0, 720.0]];

@@ -16,7 +16,7 @@ use calib_site::{LinkKind, Site, SiteCamera};
 
 const BUMP: &str = "2026-06-01T09:00:00Z";
 
-/// Index of the period that has ended.
+/// Index of the camera entry for the ended period.
 const OLD: usize = 6;
 
 /// Returns the demonstration; its first camera has an ended period, which is last in the list.

@@ -1,6 +1,6 @@
 //! Blender script that creates the cameras.
 //!
-//! Poses are camera to world, with camera axes right, up, back. The width of the sensor belongs to the longer
+//! Poses are camera to world, with camera axes right, up, back. Blender's sensor width applies to the longer
 //! side of the image. Shifts of the principal point are fractions of the longer side.
 
 use serde_json::json;

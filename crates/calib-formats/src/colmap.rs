@@ -51,7 +51,7 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
     export.push("points3D.txt", "# POINT3D_ID X Y Z R G B ERROR TRACK[]\n");
 }
 
-/// Returns an image name on one line. Its stem is the id, and its extension that of the camera's image file.
+/// Returns a name for the image of a view: its file name, with the extension of the camera's image or `png`.
 fn name(view: &View) -> String {
     let extension = view.image.as_deref().and_then(|image| image.rsplit_once('.')).map_or("png", |(_, e)| e);
     let plain = extension.len() < 5 && extension.chars().all(|c| c.is_ascii_alphanumeric());
@@ -117,7 +117,7 @@ fn lines<'a>(files: &'a [File], stem: &str) -> Result<(&'a File, Vec<Line<'a>>),
 }
 
 pub(crate) fn read(input: &Input) -> Result<Imported, FormatError> {
-    // A folder may contain the model both as text and as binary. The first file determines which is read.
+    // A folder may contain the model both as text and as binary. The first file determines which one is read.
     let is_binary = input[0].extension() == "bin";
     let mut files = Vec::new();
     for file in input.iter().filter(|file| (file.extension() == "bin") == is_binary) {
@@ -262,8 +262,8 @@ impl Prism {
     }
 }
 
-/// Returns focal lengths, principal point and distortion of a fisheye lens. Its radius is
-/// `theta (1 + k1 theta^2 + ... + k6 theta^12)`. theta is the angle from the axis in radians. k1 to k6 are
+/// Returns focal lengths, principal point and distortion of a fisheye lens. Its radius, divided by the focal length,
+/// is `theta (1 + k1 theta^2 + ... + k6 theta^12)`. theta is the angle from the axis in radians; k1 to k6 are
 /// `terms`. Fails if the terms of `prism` move the rim by more than [`MAX_NEGLIGIBLE_ERROR_PX`].
 fn symmetric(
     line: &Line,
@@ -329,8 +329,8 @@ fn samples(line: &Line, radius: impl Fn(f64) -> f64) -> Result<Vec<[f64; 2]>, Fo
     Ok(samples)
 }
 
-/// Returns focal lengths, principal point and distortion of the nearest Kannala-Brandt lens, and a note with its
-/// error. `what` names the original terms; `moved` is an additional error, in pixels.
+/// Returns focal lengths, principal point and distortion of the nearest Kannala-Brandt lens, and adds a note about its
+/// error to `notes`. `what` names the original model or its terms; `moved` is an additional error, in pixels.
 fn nearest(
     line: &Line,
     samples: &[[f64; 2]],

@@ -2,9 +2,9 @@
 //!
 //! All numbers are little-endian. `cameras.bin` contains the number of cameras (u64), and for each camera its
 //! id (u32), its model (i32), width and height (u64), and the parameters of the model (f64). `images.bin`
-//! contains the number of images (u64), and for each image its id (u32), the quaternion and the translation
-//! (7 f64), the id of its camera (u32), its name up to a zero byte, the number of its points (u64), and 24
-//! bytes for each point.
+//! contains the number of images (u64). For each image, it contains the id (u32), the quaternion and the
+//! translation (7 f64), and the id of the camera (u32). The name of the image follows, up to a zero byte, then the
+//! number of its points (u64), and 24 bytes for each point.
 
 use std::fmt::Write as _;
 

@@ -29,7 +29,7 @@ pub enum Problem {
     MissingKey(Vec<String>),
     /// A file is missing that belongs to another file.
     MissingFile {
-        /// The file that is present.
+        /// Name of the present file that refers to the missing file.
         companion: String,
     },
     /// A required file of a COLMAP model is missing.
@@ -67,12 +67,11 @@ pub enum Problem {
         /// Whether the file is too short.
         is_short: bool,
     },
-    /// The file ends before the length that its header states.
+    /// The file is incomplete: it ends before all data that it announces.
     CutOff,
     /// The focal lengths in x and y, in pixels, are not positive, finite and similar.
     NoFocal([f64; 2]),
-    /// The principal point belongs to an image of another size: the stated size, and the size that the
-    /// principal point suggests.
+    /// The principal point suggests another image size than the stated one.
     TwoResolutions {
         /// Stated width and height, in pixels.
         stated: [u32; 2],
@@ -290,7 +289,7 @@ impl File {
         stem(&self.name)
     }
 
-    /// Returns the path of another file that this file names relative to its folder.
+    /// Returns the path of another file. `other` is its name in this file, relative to the folder of this file.
     pub(crate) fn path_beside(&self, other: &str) -> String {
         self.name.rsplit_once('/').map_or(other.to_owned(), |(folder, _)| format!("{folder}/{other}"))
     }

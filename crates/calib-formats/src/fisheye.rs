@@ -7,8 +7,8 @@ use calib_core::Distortion;
 /// Rotation matrix, as three rows.
 pub(crate) type Rotation = [[f64; 3]; 3];
 
-/// Returns the quaternion `(w, x, y, z)` of a rotation matrix, with w not below 0. Shepperd's method: it
-/// never divides by a small number.
+/// Returns the quaternion `(w, x, y, z)` of a rotation matrix, with w not below 0. Uses Shepperd's method,
+/// which never divides by a small number.
 pub(crate) fn quaternion(r: &Rotation) -> [f64; 4] {
     let trace = r[0][0] + r[1][1] + r[2][2];
     let squares = [trace, r[0][0], r[1][1], r[2][2]];
@@ -24,7 +24,7 @@ pub(crate) fn quaternion(r: &Rotation) -> [f64; 4] {
     q.map(|c| c / sign)
 }
 
-/// Returns the matrix of a quaternion `(w, x, y, z)` of any length; `None` for length 0.
+/// Returns the matrix of a quaternion `(w, x, y, z)` of any length; `None` if the length is 0 or not finite.
 pub(crate) fn from_quaternion(q: [f64; 4]) -> Option<Rotation> {
     let length = q.iter().map(|c| c * c).sum::<f64>().sqrt();
     if !(length.is_finite() && length > 1e-9) {
@@ -46,7 +46,7 @@ pub(crate) fn rodrigues(r: &Rotation) -> [f64; 3] {
     [factor * x, factor * y, factor * z]
 }
 
-/// Returns the matrix of a Rodrigues vector, the axis times the angle in radians.
+/// Returns the matrix of a Rodrigues vector, the axis times the angle in radians; `None` if it is not finite.
 pub(crate) fn from_rodrigues([x, y, z]: [f64; 3]) -> Option<Rotation> {
     let angle = (x * x + y * y + z * z).sqrt();
     let factor = if angle < 1e-12 { 0.5 } else { (0.5 * angle).sin() / angle };
@@ -89,7 +89,7 @@ pub(crate) struct FittedLens {
     pub(crate) max_error_px: f64,
 }
 
-/// Returns the error text for a lens without an accepted fit. `what` names the original terms of the lens;
+/// Returns the error text for a lens without an accepted fit. `what` names the original model or its terms;
 /// `off` is the error of the fit, in pixels.
 pub(crate) fn fit_error_text(what: &str, off: f64) -> String {
     match off.is_finite() {

@@ -2,7 +2,7 @@
 //! estimates.
 //!
 //! Coordinates are fractions of the image, so they apply to every stream of the camera. `distances` are the
-//! lengths of exactly four sides, in metres.
+//! lengths of the sides, in metres; they are written only for a zone with four corners.
 
 use calib_core::{Pixel, WorldPoint};
 
@@ -45,8 +45,8 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
     export.push(format!("zones.{}", scene.extension), text);
 }
 
-/// Returns the corners of the EFOV in pixels of the stream, clipped to one border of the image after the
-/// other.
+/// Returns the corners of the part of the EFOV inside the image, in pixels of the stream. The polygon is
+/// clipped at one border of the image after the other.
 pub(crate) fn corners(view: &View) -> Vec<Pixel> {
     let [w, h] = view.size.map(f64::from);
     let sides: [fn(Pixel, f64, f64) -> f64; 4] =

@@ -36,8 +36,8 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
         .push("the site has no georeference: coordinates are metres of the site instead of WGS84".into());
 }
 
-/// Returns the coverage of a site as `GeoJSON`: rectangles of visible floor with their level, and the areas with
-/// their results. Coordinates are as in the export of the site.
+/// Returns the coverage of a site as `GeoJSON`: rectangles of visible floor with their level, hand-over zones, and
+/// areas of interest with their results. Coordinates are as in the export of the site.
 #[must_use]
 pub fn coverage_geojson(site: &Site, coverage: &SiteCoverage<'_>) -> String {
     let georeference = site.georeference();
@@ -139,7 +139,8 @@ fn region(entry: &PlaneEntry, plane: &Plane, earth: Option<&Georeference>) -> Va
     json!({"type": "Feature", "properties": properties, "geometry": polygon(&entry.region, earth)})
 }
 
-/// Returns a polygon of the plan. Its outer ring is closed and runs counter-clockwise.
+/// Returns the `GeoJSON` polygon with these corners; null without corners. Its ring is closed and runs
+/// counter-clockwise.
 fn polygon(corners: &[FloorPoint], earth: Option<&Georeference>) -> Value {
     let mut ring: Vec<[f64; 2]> = corners.iter().map(|&point| coordinates(point, earth)).collect();
     if area(&ring) < 0.0 {

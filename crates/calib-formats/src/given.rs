@@ -17,7 +17,7 @@ use crate::input::Input;
 /// Result of an import.
 #[derive(Clone, Debug)]
 pub struct Imported {
-    /// Site with the cameras: with a solution if the file contains a pose, otherwise with a fixed lens.
+    /// Site with the imported cameras, points or plan. A camera whose file contains a pose has a solution.
     pub site: Site,
     /// Notes for the operator: values that were changed or ignored.
     pub notes: Vec<String>,
@@ -57,7 +57,7 @@ pub(crate) struct Intrinsics {
 }
 
 impl Intrinsics {
-    /// Converts a principal point that counts from the centre of the first pixel.
+    /// Converts the principal point: from the centre of the first pixel to the corner of the image as origin.
     pub(crate) fn with_corner_origin(self) -> Self {
         let [fx, fy, cx, cy] = self.k;
         Self { k: [fx, fy, cx + 0.5, cy + 0.5], ..self }
@@ -143,8 +143,8 @@ impl ImportedCamera {
         Ok([w, h])
     }
 
-    /// Reports the skew that is dropped. A skew s moves a pixel by s / fy times its distance in y from the principal
-    /// point, in x.
+    /// Reports the skew that is dropped. A skew s moves a pixel in x by s / fy times the distance of the pixel from the
+    /// principal point in y.
     fn report_skew(&self, [_, height]: [u32; 2], notes: &mut Vec<String>) {
         /// Largest error that is not reported, in pixels.
         const NEGLIGIBLE_PX: f64 = 1e-4;
@@ -208,7 +208,7 @@ pub(crate) fn control_point(px: Pixel, world: WorldPoint) -> ControlPointEntry {
     ControlPointEntry { world_m: Some(world), ..ControlPointEntry::new(px) }
 }
 
-/// Creates a site with these camera entries and checks it. `place` is the file for messages.
+/// Creates a site with these camera entries and checks it. `place` is the name of the file in error messages.
 pub(crate) fn checked_site(
     cameras: Vec<SiteCamera>,
     notes: Vec<String>,
@@ -255,7 +255,7 @@ pub(crate) fn site_from_cameras(
     checked_site(cameras?, notes, place)
 }
 
-/// Returns the elements of an intrinsic matrix `K`; fails if its skew is not small.
+/// Returns the elements of an intrinsic matrix `K`. Fails if the matrix has another form, or if its skew is not small.
 pub(crate) fn intrinsics_from_matrix(k: &[[f64; 3]; 3], place: &str) -> Result<Intrinsics, FormatError> {
     let [[fx, skew, cx], [zero, fy, cy], last] = *k;
     let is_upright = zero.abs() < 1e-9 && last[0].abs() < 1e-9 && last[1].abs() < 1e-9;

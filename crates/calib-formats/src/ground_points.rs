@@ -1,9 +1,9 @@
 //! Named points with known coordinates, from GPX, KML, `GeoJSON` and tables (CSV). They become ground points of a
-//! site, which the user clicks in the images later. Also the export of cameras as GPX and KML.
+//! site, which the operator clicks in the images later. Also the export of cameras as GPX and KML.
 //!
-//! Coordinates are WGS84, or east and north in the grid of the site for a table with these columns. Altitudes of
-//! GPX and KML files are heights above sea level and are not used: points are on the floor unless a table states
-//! their height above it.
+//! Coordinates are WGS84. A table can also contain east and north in the grid of the site, or x and y of the site.
+//! Altitudes of GPX and KML files are heights above sea level and are not used: points are on the floor unless a
+//! table states their height above it.
 
 use std::collections::HashSet;
 use std::fmt::Write as _;
@@ -20,11 +20,11 @@ use crate::given::Imported;
 use crate::input::Input;
 use crate::tree::{Syntax, escaped, xml};
 
-/// Largest number of points of a file.
+/// Largest number of points of an import.
 const MAX_POINTS: usize = 10_000;
 /// Standard deviation of a position of a phone or hand-held receiver, in metres.
 const PHONE_SIGMA_M: f64 = 4.0;
-/// Standard deviation of a position that was drawn on an aerial image, in metres.
+/// Standard deviation of a position that was marked on an aerial image, in metres.
 const MAP_SIGMA_M: f64 = 0.5;
 
 /// Reads the waypoints of a GPX file.
@@ -265,7 +265,8 @@ impl Points {
         Ok(())
     }
 
-    /// Returns the site with the points. `sigma` is the standard deviation of points without one, in metres.
+    /// Returns the site with the points. A point on the map without a standard deviation gets `sigma`, in metres;
+    /// `None` means the standard deviation of a phone.
     fn finish(mut self, files: &[File], expected: &str, sigma: Option<f64>) -> Result<Imported, FormatError> {
         if self.list.is_empty() {
             let name = files.first().map_or("the file", |file| &file.name);

@@ -1,4 +1,4 @@
-//! Ids of cameras whose files have the same name: they are taken from the folders.
+//! Unique ids for cameras whose files have the same name, from the folders of the files.
 
 use std::collections::{HashMap, HashSet};
 
@@ -10,8 +10,8 @@ pub(crate) struct Named<'a> {
     pub(crate) path: &'a str,
 }
 
-/// Returns unique ids: in equal ids, the differing folders or file names of the paths replace or precede the id.
-/// `None` if the ids are unique already, or if the paths do not distinguish the cameras.
+/// Returns unique ids. The parts in which the paths of two cameras with the same id differ replace this id, or precede
+/// it. `None` if the ids are unique already, or if the paths do not distinguish the cameras.
 pub(crate) fn distinct(cameras: &[Named]) -> Option<Vec<String>> {
     let mut groups: HashMap<&str, Vec<usize>> = HashMap::new();
     for (index, camera) in cameras.iter().enumerate() {

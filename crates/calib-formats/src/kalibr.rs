@@ -1,5 +1,5 @@
-//! Kalibr's `camchain.yaml` with the lenses of the cameras. Each pose is relative to the previous camera; a
-//! world frame is missing.
+//! Kalibr's `camchain.yaml` with the lenses of the cameras. Each pose is relative to the previous camera. A world
+//! frame is missing, so the poses are exported but not imported.
 //!
 //! Pixels count from the centre of the first pixel, as in OpenCV. Kalibr names cameras `cam0`, `cam1` and so
 //! on, and its lenses `pinhole-radtan`, `pinhole-equi`, `omni-radtan`, `ds-none` and `eucm-none`. The focal lengths of

@@ -19,7 +19,7 @@ const MATRIX_NAMES: [&str; 10] = [
     "cammatrix",
     "kmatrix",
 ];
-/// Words that begin like "distortion", but have another meaning.
+/// Beginnings of words that contain `dist`, but do not mean distortion, such as "distance".
 const OTHER_WORDS: [&str; 4] = ["distan", "distrib", "distric", "distin"];
 /// Words that may precede the name of a coefficient, the longer ones first.
 const WORDS: [&str; 12] = [
@@ -55,13 +55,13 @@ fn plain(key: &str) -> String {
     key.chars().filter(char::is_ascii_alphanumeric).collect::<String>().to_lowercase()
 }
 
-/// Whether a key without separators describes a lens model, and contains no coefficients.
+/// Whether a key without separators names the lens model or a count instead of coefficients.
 fn is_model(plain: &str) -> bool {
     ["model", "type", "name", "count"].iter().any(|word| plain.contains(word))
 }
 
-/// Returns the part of a lens that a key names, and which camera of the file it belongs to: `1` or `left` in
-/// stereo files, otherwise an empty text.
+/// Returns the part of a lens that a key names, and the camera that has this part. The camera is a number, `left` or
+/// `right` in files with several cameras, otherwise an empty text.
 ///
 /// Keys are compared without case and separators.
 pub(crate) fn part_of_lens(key: &str) -> Option<(Part, String)> {
@@ -98,7 +98,8 @@ fn coefficient(key: &str) -> Option<usize> {
     COEFFICIENTS.iter().position(|name| *name == core)
 }
 
-/// Fails for a key that begins with `dist`, is not in `known` and has a value.
+/// Fails if a distortion key that has a value is not in `known`. Keys of the distortion model, and other words such as
+/// `distance`, are ignored.
 pub(crate) fn refuse_unknown_distortion(node: &Node, known: &[&str]) -> Result<(), FormatError> {
     let unknown = node.entries().into_iter().find(|(key, value)| {
         begins_like_distortion(key) && !known.contains(key) && !is_model(&plain(key)) && !value.is_none()
@@ -140,9 +141,9 @@ pub(crate) fn declares_fisheye(node: &Node) -> Result<bool, FormatError> {
     Ok(is_named | fisheye_flag(node)?.unwrap_or(false))
 }
 
-/// Reads the coefficients that are separate numbers, such as `dist_k1`. Fails for a key that begins
-/// with `dist` and that is neither a coefficient nor a known statement. `levels` are the keys of the camera and the
-/// keys of the file, which may be the same.
+/// Reads the coefficients that are separate numbers, such as `dist_k1`. `levels` are the node of the camera and the
+/// node of the file, which may be the same. Fails for any other distortion key with a value; keys of lists, of the
+/// model and of counts are ignored.
 pub(crate) fn named_distortion(levels: [&Node; 2], fisheye: bool) -> Result<Distortion, FormatError> {
     let [node, root] = levels;
     let common = if std::ptr::eq(node, root) { Vec::new() } else { root.entries() };
@@ -201,8 +202,9 @@ pub(crate) fn is_fisheye(model: &str) -> bool {
     ["fisheye", "equidistant", "kannala"].iter().any(|known| model.contains(known))
 }
 
-/// Reads a distortion vector of `OpenCV`: k1, k2, p1, p2, k3, the rational terms k4 to k6, and the thin-prism
-/// terms s1 to s4. Tilt terms must be 0.
+/// Reads a distortion: the four coefficients of a fisheye lens, an object of named coefficients, or a vector of
+/// `OpenCV`. The vector contains k1, k2, p1, p2, k3, the rational terms k4 to k6, and the thin-prism terms s1 to s4.
+/// Tilt terms must be 0.
 pub(crate) fn distortion(node: &Node, fisheye: bool) -> Result<Distortion, FormatError> {
     if node.is_none() && !fisheye {
         node.mark_read();
@@ -242,8 +244,8 @@ pub(crate) fn distortion_of_terms([k1, k2, p1, p2, k3, k4, k5, k6, prism @ ..]: 
     Distortion::Rational(Rational { radial: [k1, k2, k3, k4, k5, k6], tangential: [p1, p2], prism })
 }
 
-/// Returns `1 + xi`. For the unified and the double sphere model, the focal lengths of other programs are this
-/// factor times ours, which apply at the centre of the image. Fails at `node` if xi is too small.
+/// Returns `1 + xi`. For the unified and the double sphere model, other programs multiply the focal length at the
+/// centre of the image by this factor. Fails at `node` if xi is too small.
 pub(crate) fn sphere_gain(xi: f64, node: &Node) -> Result<f64, FormatError> {
     let [least, _] = Coefficient::Xi.bounds();
     if xi < least { Err(node.unexpected("xi above -1")) } else { Ok(1.0 + xi) }

@@ -15,7 +15,7 @@
 //! - `tree`: JSON, YAML, XML and TOML as one tree of values. `base64_array`: arrays of OpenCV in base64.
 //! - `fisheye`: rotation formats, and the fit of a Kannala-Brandt lens.
 //! - `view`, `export`, `planes`: the input of an export, and its losses and notes.
-//! - `input`, `given`: files of an import with the caller's statements, its cameras, and their conversion to a site.
+//! - `input`: files of an import with the caller's options. `given`: imported cameras and their conversion to a site.
 //! - `ids`: ids of cameras whose files have the same name. `lens_keys`: keys and distortion of lenses in OpenCV's terms.
 //! - `remap`: the undistortion map of `--rectified`.
 //! - One file for each format, from `opencv` to `worldfile`. `ground_points` has GPX, KML and tables of points.
@@ -82,9 +82,9 @@ pub use view::{ExportOptions, PlanImage};
 /// Writes the calibrated cameras of a site.
 ///
 /// # Errors
-/// Fails if the format or the requested extension cannot be written, or if no camera is calibrated. Fails if
-/// two periods share an id, or if an id is not a valid file name, and the format does not allow it. Fails if the
-/// format needs a georeference and the site has none.
+/// Fails if the format or the requested extension cannot be written, or if no camera is calibrated. Fails if the
+/// format needs unique ids, and two periods share an id. Fails if the format names files by id, and an id is no valid
+/// file name. Fails if the format needs a georeference and the site has none.
 pub fn export(format: &Format, site: &Site, options: &ExportOptions) -> Result<Export, FormatError> {
     let write = format.write.ok_or_else(|| FormatError::new(format.name, Problem::ReadOnly))?;
     let first = format.extensions.first().copied().unwrap_or_default();
@@ -142,7 +142,7 @@ pub fn import(format: &Format, files: &[File]) -> Result<Imported, FormatError> 
 ///
 /// # Errors
 /// Fails if a file is invalid. The error names the file and the position in it. Fails for an option that the
-/// format does not support.
+/// format does not support, and without files or with more than [`MAX_FILES`].
 pub fn import_with(
     format: &Format,
     files: &[File],

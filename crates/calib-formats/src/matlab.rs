@@ -1,7 +1,8 @@
 //! Camera parameters of MATLAB's Computer Vision Toolbox as JSON: `jsonencode(toStruct(params))`, or the properties of
 //! `cameraIntrinsics`. Only the lenses are read.
 //!
-//! Pixels count from 1 at the centre of the first pixel: ours plus 0.5. `IntrinsicMatrix` is transposed; `K` is not.
+//! Pixels count from 1 at the centre of the first pixel: our coordinates plus 0.5. `IntrinsicMatrix` is transposed,
+//! `K` is not.
 
 use calib_core::{BrownConrady, Distortion};
 
@@ -57,7 +58,7 @@ fn lens(id: &str, camera: &Node) -> Result<ImportedCamera, FormatError> {
     };
     let mut lens =
         ImportedCamera::new(id, camera.place(), Intrinsics { k: [fx, fy, cx - 0.5, cy - 0.5], skew });
-    // MATLAB counts rows first.
+    // `ImageSize` contains the height before the width.
     if let Some(size) = camera.get("ImageSize") {
         let sides = size.items()?;
         let [height, width] = &sides[..] else { return Err(size.unexpected("height and width")) };

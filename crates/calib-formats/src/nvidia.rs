@@ -1,5 +1,5 @@
 //! NVIDIA's files: `camInfo/<id>.yml` for the DeepStream tracker, `calibration.json` for Metropolis, and
-//! `map.png` with `transforms.yml` for its view from above.
+//! `map.png` with `transforms.yml` for the view from above in Metropolis.
 //!
 //! Poses are world to camera, with `OpenCV`'s camera axes. Pixels count from the corner of the image:
 //! NVIDIA's detectors have boxes from 0 to the width, and its simulated cameras have their principal point at
@@ -26,9 +26,9 @@ const OLD_KEY: &str = "projectionMatrix_3x4";
 /// Scale of the map of a site without a plan image, in pixels per metre.
 const MAP_PX_PER_METRE: f64 = 50.0;
 
-/// Transform from the floor to the map: `pixel = (s (x + tx), height - s (y + ty))`. x and y are in metres,
-/// `s` is the scale in pixels per metre, `t` is (tx, ty) in metres, and `height` is the height of the map in
-/// pixels.
+/// Transform from the floor to the map: `pixel = (s (x + tx), height - s (y + ty))`. x and y are in metres, and
+/// `height` is the height of the map in pixels. `s` is the scale in pixels per metre, and `t` is (tx, ty) in
+/// metres.
 #[derive(Clone, Copy, Debug)]
 struct Map {
     s: f64,
@@ -145,7 +145,7 @@ fn polygon(corners: &[FloorPoint]) -> String {
 }
 
 /// Returns floor points that the camera shows: up to eight corners of the EFOV. If the EFOV has fewer than four
-/// corners, points between them and its centre are added.
+/// corners, the points halfway between each corner and the mean of the corners are added.
 fn corners(view: &View) -> Vec<FloorPoint> {
     /// Maximum number of corners of the EFOV that are used.
     const MAX_CORNERS: usize = 8;

@@ -61,7 +61,7 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
     site_with_notes(given, notes, files, &files[0].name)
 }
 
-/// Returns the lines with content, without empty lines and comments.
+/// Returns up to six lines of numbers. Empty lines and comments are skipped.
 fn lines(file: &File) -> Result<Vec<Line>, FormatError> {
     let is_content = |text: &str| !text.is_empty() && !text.starts_with('#');
     let content = file.as_text()?.lines().map(str::trim).enumerate().filter(|(_, text)| is_content(text));
@@ -135,9 +135,9 @@ fn lens(file: &File, notes: &mut Vec<String>) -> Result<ImportedCamera, FormatEr
     })
 }
 
-/// Returns pairs of angle from the axis, in radians, and radius, in pixels. They end at the corner, at
-/// [`MAX_ANGLE`], or where the angle stops growing, whichever is first. Fails if it stops growing in the first
-/// third, or if there are fewer than 16 pairs.
+/// Returns pairs of angle from the axis, in radians, and radius, in pixels. They end at the radius `corner`, at
+/// [`MAX_ANGLE`], or where the angle stops growing, whichever is first. The returned radii are multiplied by `scale`.
+/// Fails if the angle stops growing in the first third, if there are fewer than 16 pairs, or if a0 is 0.
 fn rings(direct: &Line, corner: f64, scale: f64) -> Result<Vec<[f64; 2]>, FormatError> {
     let terms = direct.terms()?;
     let ahead = terms[0].signum();

@@ -128,7 +128,8 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
     Ok(imported)
 }
 
-/// Reads all cameras of a file: one, several with numbered keys, or several below one key each.
+/// Reads all cameras of a file: a single camera, cameras whose keys have a number or a side (`left`, `right`), or one
+/// camera below each key.
 fn cameras(file: &File, root: &Node) -> Result<Vec<ImportedCamera>, FormatError> {
     let mut lenses: BTreeMap<String, [Option<Node>; 2]> = BTreeMap::new();
     for (key, node) in root.entries() {
@@ -208,8 +209,8 @@ fn camera(node: &Node, id: &str, root: &Node) -> Result<ImportedCamera, FormatEr
     Ok(given)
 }
 
-/// Reads a lens from its matrix and its distortion coefficients. `levels` contain size, model and single
-/// coefficients: the keys of the camera, then the keys of the file.
+/// Reads a lens from its matrix and its distortion coefficients. `levels` are the node of the camera and the
+/// node of the file, which contain size, model and single coefficients.
 fn lens(
     id: &str,
     levels: [&Node; 2],

@@ -1,5 +1,6 @@
 //! ROS `camera_info`: the lens, with one file for each camera. The pose belongs in TF and is not written.
-//! Messages as ROS 1 and 2 print them are also read, several in one file, and `ost.txt` of the camera calibrator.
+//! The import also reads messages as ROS 1 and 2 print them, with one or more in a file, and `ost.txt` of the camera
+//! calibrator.
 //!
 //! Pixels count from the centre of the first pixel, as in OpenCV.
 
@@ -76,7 +77,7 @@ pub(crate) fn read(files: &Input) -> Result<Imported, FormatError> {
     site_with_notes(given, rest, files, &files[0].name)
 }
 
-/// Reads one message or one file of a lens.
+/// Reads the lens of a camera from a message or from a calibration file.
 fn camera(file: &File, root: &Node) -> Result<ImportedCamera, FormatError> {
     let k = root.require(&["camera_matrix", "K", "k"])?;
     let intrinsics = intrinsics_from_matrix(&k.matrix()?, k.place())?.with_corner_origin();

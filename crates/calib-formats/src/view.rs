@@ -18,7 +18,7 @@ pub struct ExportOptions {
     pub rectified: bool,
     /// Width and height of the stream, in pixels; absent: the size of the camera's image.
     pub rescale: Option<[u32; 2]>,
-    /// Extension of the files, one of the format's; absent: the first.
+    /// Extension of the exported files, without the dot; absent: the first extension of the format.
     pub extension: Option<String>,
     /// Id of the only camera to export; absent: all cameras.
     pub camera: Option<String>,
@@ -50,9 +50,10 @@ pub(crate) struct View {
     pub(crate) size: [u32; 2],
     /// Width and height of the camera's image, in pixels.
     pub(crate) image_size: [u32; 2],
-    /// Camera of the image with square pixels: the image of the camera, with v divided by the pixel aspect.
+    /// Camera for square pixels: v of the camera's image is divided by the pixel aspect. Without distortion if the
+    /// export is rectified.
     pub(crate) camera: Camera,
-    /// Lens of the image with square pixels, also if the view is undistorted.
+    /// Original lens for square pixels, with its distortion, also if `camera` has no distortion.
     pub(crate) raw_lens: Lens,
     /// Pixels of the stream per pixel of the image with square pixels, in x and y.
     pub(crate) scale: [f64; 2],
@@ -194,8 +195,8 @@ impl View {
         std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|m| k[i][m] * rt[m][j]).sum()))
     }
 
-    /// Returns the homography from undistorted pixels of the stream to floor points. Its third coordinate is
-    /// positive on the floor. It is scaled so that the last element is 1 or -1 unless it is 0.
+    /// Returns the homography from undistorted pixels of the stream to floor points. The third coordinate of the result
+    /// is positive for pixels that show the floor. The last element of the matrix is 1 or -1, or nearly 0.
     pub(crate) fn floor_from_pixel(&self) -> [[f64; 3]; 3] {
         self.plane_from_pixel(&Plane::FLOOR)
     }
@@ -313,8 +314,8 @@ impl View {
     }
 }
 
-/// Returns a camera at the origin of the world with the lens of an entry; `None` if the focal length, the principal
-/// point or the distortion is unknown.
+/// Returns a camera at the origin of the world with the lens of an entry; `None` if the focal length is not fixed, or
+/// if the principal point or the distortion is unknown.
 fn camera_at_origin(entry: &SiteCamera) -> Option<Camera> {
     let given = entry.lens_of_image()?;
     let focal = given.focal_px.filter(|focal| focal.fixed)?.value;

@@ -1,5 +1,6 @@
-//! World files of floor plans (`.pgw`, `.jgw`, `.wld`): six numbers, one on each line, for the position of
-//! the plan image. They have no units and no coordinate system; metres are assumed. Probable degrees are rejected.
+//! World files of floor plans (`.pgw`, `.jgw`, `.wld`): six numbers, one on each line, for the position of the plan
+//! image. The files have no units and no coordinate system; metres are assumed. Numbers that are probably degrees are
+//! refused.
 //!
 //! The numbers are A, D, B, E, C, F in this order. They define the world point x = A i + B j + C and
 //! y = D i + E j + F. i and j count pixels to the right and down from the centre of the first pixel.

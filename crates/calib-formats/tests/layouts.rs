@@ -20,7 +20,7 @@ fn read(kind: &str, name: &str, text: &str) -> Result<Imported, String> {
     read_files(kind, &[(name, text)])
 }
 
-/// Reads an OpenCV file with these keys besides the matrix and the size.
+/// Reads an OpenCV file with these keys in addition to the matrix and the size.
 fn opencv(keys: &str) -> Result<Imported, String> {
     read("opencv", "a.json", &format!("{{\"K\": {K}, {SIZE}, {keys}}}"))
 }

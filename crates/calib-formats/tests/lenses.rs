@@ -73,7 +73,7 @@ fn numbers(value: &Yaml) -> Vec<f64> {
     value.as_sequence().unwrap().iter().map(|value| value.as_floating_point().unwrap()).collect()
 }
 
-/// Projects a point (right, down, forward) by Kalibr's camera models, with the numbers of a camchain.
+/// Projects a point (right, down, forward) with Kalibr's camera models and the numbers of a camchain.
 fn kalibr_pixel(camera: &Yaml, [x, y, z]: [f64; 3]) -> [f64; 2] {
     let k = numbers(&camera["intrinsics"]);
     let length = (x * x + y * y + z * z).sqrt();
@@ -129,7 +129,7 @@ proptest! {
         let yaml = yaml(&files.files);
         let [u, v] = kalibr_pixel(&yaml["cam0"], [x, y, z]);
         let shown = camera.lens.bearing_to_pixel([focal * x, focal * y, z]);
-        // A lens may end before the point.
+        // The point may be outside the lens.
         let Some(Pixel { u: own_u, v: own_v }) = shown else { return Ok(()) };
         let off = (own_u - 0.5 - u).hypot(own_v - 0.5 - v);
         prop_assert!(off < 1e-8, "{off}");

@@ -10,9 +10,9 @@ use calib_core::camera::Pixel;
 
 /// Length of a moment, in nanoseconds; people hardly move within it.
 const MOMENT_NS: i64 = 250_000_000;
-/// Largest number of moments kept per window.
+/// Largest number of moments stored for a window.
 const MAX_MOMENTS: usize = 40;
-/// Largest number of feet kept per moment.
+/// Largest number of feet stored for a moment.
 const MAX_FEET: usize = 128;
 
 /// Foot of a person in the image of one camera at one moment.

@@ -5,8 +5,8 @@
 //! closest to the vertical through `P`, seen from above. A rotation of the camera about the vertical changes
 //! no height. Heights therefore determine three of the four parameters of a [`PanTiltZoom`].
 //!
-//! Normal equations collect the evidence of heights for one camera in one window of time. The features of a
-//! row are the factors of the coefficients that can change:
+//! Normal equations collect the evidence of heights for one camera in one window of time. Each detection of a
+//! person is a row. The features of a row are the factors of the coefficients that can change:
 //!
 //! - season (the constant 1; its coefficient is the mean log height, which changes with the season);
 //! - tilt, roll and zoom (the negative derivative of the log height with respect to a movement, because the
@@ -84,7 +84,7 @@ pub(crate) struct Stature {
     axes: [[f64; 3]; 3],
     /// Width and height of the image, in pixels.
     size: [f64; 2],
-    /// Reference person with the foot in every cell; `None` where a person cannot be on the floor.
+    /// Reference person with the foot at the centre of every cell; `None` as in [`compute_reference_person`].
     cells: Vec<Option<ReferencePerson>>,
 }
 
@@ -128,7 +128,8 @@ impl Stature {
         (along > 0.0 && tall > HEIGHT_RANGE_M[0] && tall < HEIGHT_RANGE_M[1]).then(|| tall.ln())
     }
 
-    /// Returns the reference person near `foot`; `None` where a person cannot be on the floor.
+    /// Returns the reference person near `foot`; `None` where a person cannot be on the floor, or would not be
+    /// upright in the image.
     pub(crate) fn reference_person(&self, foot: Pixel) -> Option<ReferencePerson> {
         let cell = |value: f64, axis: usize, count: usize| {
             ((value / self.size[axis] * count as f64).max(0.0) as usize).min(count - 1)

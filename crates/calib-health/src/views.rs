@@ -25,7 +25,7 @@ pub(crate) struct View {
     pub(crate) camera: usize,
     /// Floor position, in metres.
     pub(crate) point: Vector2<f64>,
-    /// Covariance of `point` from the noise of the foot, in square metres.
+    /// Covariance of `point` from the noise of the foot and [`BODY_SIGMA_M`], in square metres.
     pub(crate) covariance: Matrix2<f64>,
     /// Derivatives of `point` with respect to the errors of the camera.
     pub(crate) slopes: ErrorJacobian,

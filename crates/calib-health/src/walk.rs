@@ -170,7 +170,7 @@ impl Walk {
 
     /// Returns the normal equations of the camera errors, and the ratio of the measured to the assumed noise
     /// variance of the walker's feet. The ratio is estimated from the disagreement that remains after the fit
-    /// of all errors. The equations are divided by it.
+    /// of all errors. The equations are divided by this ratio.
     fn equations(&self, moments: &[(i64, Vec<View>)], claims: &[DMatrix<f64>]) -> (Equations, f64) {
         let mut all = Equations::zeros(self.cameras.len() * ERROR_PARAMS);
         moments.iter().for_each(|(_, views)| all.add(views));
@@ -260,7 +260,7 @@ fn claim_precisions(claims: &[DMatrix<f64>], free: Option<&[usize]>) -> DMatrix<
     precisions
 }
 
-/// Result of the test of one camera against the others.
+/// Result of the test of one camera against the other cameras.
 struct CameraTest {
     camera: usize,
     /// Significance of the most significant parameter, in standard deviations.
@@ -355,7 +355,8 @@ fn test_camera(
     Some(CameraTest { camera, significance, inverse_sigmas, errors, covariance })
 }
 
-/// Converts the test of a camera to a disagreement, with the mean shift of floor positions that it causes.
+/// Converts the test of a camera to a disagreement, with the mean shift of floor positions from the estimated error.
+/// `noise` is the ratio of the measured to the assumed noise variance.
 fn to_disagreement(found: &CameraTest, moments: &[(i64, Vec<View>)], noise: f64) -> Disagreement {
     let views = moments.iter().flat_map(|(_, views)| views).filter(|view| view.camera == found.camera);
     let (mut slopes, mut count) = (ErrorJacobian::zeros(), 0.0_f64);

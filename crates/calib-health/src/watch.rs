@@ -78,7 +78,7 @@ pub(crate) struct DetectedChange {
     pub(crate) covariance: DMatrix<f64>,
     /// Weighted significance of the change, in standard deviations.
     pub(crate) statistic: f64,
-    /// Statistic of the evidence of heights alone, and of the other cameras alone.
+    /// Statistic of the evidence from heights alone, and of the evidence from the other cameras alone.
     pub(crate) significance_by_source: [f64; 2],
 }
 
@@ -253,7 +253,7 @@ fn significance(of: &NormalEquations, prior_precisions: &DVector<f64>) -> f64 {
 /// Natural logarithm of a usual body height in metres: 1.70 m.
 const USUAL_LOG_HEIGHT: f64 = 0.53;
 
-/// Camera with the derivatives needed to watch it.
+/// Camera with the derivatives that the drift watch needs.
 #[derive(Clone, Debug)]
 struct WatchedCamera {
     camera: Camera,
@@ -397,7 +397,7 @@ impl Watch {
         (memory.tracks.len() == count && memory.middle.len() == count).then_some(Self { memory, ..self })
     }
 
-    /// Adds the sighting of a camera; sightings of unknown cameras are ignored.
+    /// Adds a sighting. Sightings of unknown cameras, and boxes cut by the image border, are not used as evidence.
     pub fn add_sighting(&mut self, sighting: &Sighting) {
         let Some(watched) = self.cameras.get(sighting.camera) else { return };
         let Memory { windows, tracks, middle, boxes } = &mut self.memory;
@@ -545,7 +545,8 @@ fn boundary_time(spans: &[[i64; 2]], at: usize) -> i64 {
     before + (spans[at][0] - before) / 2
 }
 
-/// Converts a detected change of windows to times and parameters. `windows` is the number of windows.
+/// Converts a detected change from window indices to times. `spans` are the start and end of every window, and
+/// `windows` is the number of windows. Undetermined parameters are zero.
 fn to_change(change: &DetectedChange, spans: &[[i64; 2]], windows: usize) -> Change {
     let variance = |i: usize| change.covariance[(i, i)];
     // A parameter whose variance is close to its prior variance is undetermined.

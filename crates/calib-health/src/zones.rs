@@ -21,7 +21,7 @@ pub struct Zone {
     /// Number of moments when at least two cameras saw the walker in the zone.
     pub shared_moments: usize,
     /// Root mean square distance between the walker's position from one camera and from all cameras, in
-    /// metres; `None` if no two cameras saw the walker.
+    /// metres; `None` if no two cameras saw the walker in the zone at the same time.
     pub error: Option<f64>,
     /// Standard deviation of `error`, in metres.
     pub error_sigma: Option<f64>,

@@ -2,7 +2,7 @@
 
 use image::RgbImage;
 
-/// Smallest share of the images, 0 to 1, in which a moving object covers a busy pixel.
+/// Share of the images, 0 to 1. A pixel is busy if moving objects cover it in at least this share.
 const BUSY: f64 = 1.0 / 3.0;
 
 /// Image of a scene without the objects that move.

@@ -2,7 +2,7 @@
 //!
 //! Rows and columns are scanned from the border of the image inward while they are black. The end of the
 //! black run is a point on the rim, except at dark objects near the rim and at captions in the black area. Of
-//! the circles through three such points, the circle with the most inliers is kept. It is then fitted to its
+//! the circles through three such points, the circle with the most inliers is used. It is then fitted to its
 //! inliers by least squares of their distances (Gauss-Newton).
 
 use calib_core::{ImageCircle, Pixel};

@@ -1,5 +1,5 @@
-//! Tool that measures in the images: lengths, heights, areas and speeds. On the plan, the scale follows from two
-//! clicks and their distance, which is entered in the panel.
+//! Tool that measures lengths, heights, areas and speeds in the images. On the plan, the operator clicks two points
+//! and enters their distance in the panel, which determines the scale of the plan.
 //!
 //! Also the tool that draws the region of a plane other than the floor, corner by corner.
 
@@ -21,8 +21,8 @@ pub(super) struct Measure {
     to: Option<[f64; 2]>,
     /// Points of the measurement in progress in the images; the last one follows the pointer.
     clicks: Vec<RulerClick>,
-    /// Image in which the button was pressed last. The release belongs to this image, even if another one is shown by
-    /// then. `None` if the press was refused.
+    /// Image in which the button was pressed last. A release on the same camera belongs to this image, even if a newer
+    /// one is shown by then. `None` if the press was refused.
     pressed: Option<RulerImage>,
 }
 
@@ -148,7 +148,7 @@ impl Measure {
         }
     }
 
-    /// Stores the measurement of the clicks.
+    /// Adds the measurement of the clicked points to the site. The points of a speed are in the order of their times.
     fn finish(&mut self, session: &mut Session, kind: MeasurementKind) {
         let mut clicks = std::mem::take(&mut self.clicks);
         let is_speed = kind == MeasurementKind::Speed;
@@ -204,14 +204,14 @@ impl Measure {
 }
 
 /// Returns a time (RFC 3339) in the calibration period of a click, by which the site file refers to the period.
-/// `None` if the camera has only one period.
+/// `None` if the camera has only one period, or if no such time is known.
 fn period_time(session: &Session, click: &RulerClick, time: &Option<String>) -> Option<String> {
     let entry = session.site.cameras.get(click.image.camera)?;
     let is_period = session.site.cameras.iter().filter(|other| other.id == entry.id).count() > 1;
     entry.valid_from.clone().or_else(|| time.clone()).filter(|_| is_period)
 }
 
-/// Returns why the newer image of a camera with this change cannot be measured; `None` if it can.
+/// Returns why measurements in the newer image of a camera with this change are refused; `None` if they are allowed.
 const fn refusal(change: CameraChange) -> Option<&'static str> {
     match change {
         CameraChange::Unchanged => None,

@@ -94,8 +94,8 @@ fn imprecise_note(name: &str, sigma: f64) -> String {
     )
 }
 
-/// Returns the standard deviation of annotated points of a camera, in pixels: as entered, otherwise as
-/// estimated by its solution.
+/// Returns the standard deviation of annotated points of a camera, in pixels: the entered value, otherwise the
+/// estimate of its solution, otherwise 1.
 pub(crate) fn annotation_sigma_px(session: &Session, camera: usize) -> f64 {
     let given = session.site.cameras.get(camera).and_then(|entry| entry.sigma_px);
     let found = || session.solved.solution(camera)?.sigma_px;
@@ -146,7 +146,7 @@ pub trait Tool: std::fmt::Debug {
     /// Cancels the current gesture. The caller restores the site.
     fn cancel(&mut self);
 
-    /// Returns the index of the link that an observation in another view extends, if any.
+    /// Returns the index of the unfinished link that gets an observation by a click in another view, if any.
     fn open_link(&self, _session: &Session) -> Option<usize> {
         None
     }
@@ -313,7 +313,7 @@ const fn line(kind: Kind, key: Key, icon: Icon, make: fn() -> Box<dyn Tool>) -> 
     }
 }
 
-/// Returns the index of the tool with this title in [`TOOLS`]; 0 if there is none.
+/// Returns the index of the tool with this title in [`TOOLS`]; 0 if the title is unknown.
 pub(crate) fn tool_index(title: &str) -> usize {
     TOOLS.iter().position(|tool| tool.title == title).unwrap_or(0)
 }

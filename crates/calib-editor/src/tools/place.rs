@@ -43,9 +43,9 @@ const SCALE_HANDLE_AT: f64 = 0.55;
 /// Distance of the handle for rotation from the foot, divided by the distance of the farthest corner from the
 /// foot.
 const ROTATE_HANDLE_AT: f64 = 1.12;
-/// Grid to which positions and heights snap, in metres.
+/// Grid spacing for the snapping of positions and heights, in metres.
 pub(super) const SNAP_M: f64 = 0.1;
-/// Step to which rotations snap, in radians.
+/// Step for the snapping of rotations, in radians.
 const SNAP_ROTATION_RAD: f64 = 5.0 * std::f64::consts::PI / 180.0;
 
 /// Returns the nearest multiple of a step.
@@ -102,7 +102,8 @@ pub(super) struct PlaceDrag {
 }
 
 impl PlaceDrag {
-    /// Starts a drag of the handle under the pointer; handles of the selected camera have priority.
+    /// Starts a drag of the handle under the pointer. A double click sets or resets the pivot instead. `None` also if
+    /// control points determine the position of the camera.
     pub(super) fn start(session: &mut Session, pointer: &Pointer) -> Option<Self> {
         let (camera, handle) = Self::handle_under(session, pointer.at, pointer.radius)?;
         session.select_camera(camera);
@@ -135,7 +136,8 @@ impl PlaceDrag {
         Some(Self { camera, handle, from: pointer.at, own, pivot })
     }
 
-    /// Returns the camera and the handle within a radius of a position, in floor metres.
+    /// Returns the camera and the handle within a radius of a position, in floor metres. The order of priority is:
+    /// handles of the selected camera, feet of other cameras, fields of view.
     fn handle_under(session: &Session, pointer: [f64; 2], radius: f64) -> Option<(usize, PlanHandle)> {
         let near = |camera: usize| {
             let far = |at: &[f64; 2]| (at[0] - pointer[0]).hypot(at[1] - pointer[1]);
@@ -260,8 +262,8 @@ pub fn is_inside(polygon: &[FloorPoint], [x, y]: [f64; 2]) -> bool {
     crossed.count() % 2 == 1
 }
 
-/// Returns a placement in which the camera shows every pin at its pixel, starting from `own`. With one pin,
-/// only the position changes; with more pins, rotation and scale change too.
+/// Returns the placement in which the camera shows the pins nearest to their pixels, starting from `own`. With one
+/// pin, only the position changes; with more pins, rotation and scale change too.
 pub(super) fn fit_pins(
     session: &Session,
     camera: usize,

@@ -44,7 +44,7 @@ impl Segment {
         Self { kind, gesture: Gesture::Idle, shown: [Pixel::new(0.0, 0.0); 2], snaps_start: false }
     }
 
-    /// Writes the line into the site as unfinished, and selects it. `None` if the line is too short.
+    /// Writes the line into the site without an undo step, and selects it. `None` if the line is too short.
     fn show(&self, session: &mut Session, camera: usize, line: [Pixel; 2]) -> Option<Part> {
         session.revert();
         if line[0].distance(line[1]) < MIN_LINE_LENGTH_PX {
@@ -63,7 +63,7 @@ impl Segment {
         !session.tool.fresh_group && session.entry().is_some_and(is_drawn)
     }
 
-    /// Adds the line and ends the gesture. While Alt is pressed, the second end is on the edge under the pointer.
+    /// Adds the line and ends the gesture. An end that is set with Alt is moved onto the image edge under it.
     fn finish(&self, session: &mut Session, camera: usize, line: [Pixel; 2], pointer: &Pointer) -> Gesture {
         self.add_line(session, camera, self.on_edges(session, camera, line, pointer));
         Gesture::Idle
@@ -91,7 +91,7 @@ impl Segment {
         self.show(session, camera, self.shown);
     }
 
-    /// Returns the gesture after a click: it accepts a detected edge, or sets the first end of a line.
+    /// Processes a click, which accepts a detected edge or sets the first end of a line. Returns the next gesture.
     fn click(
         &mut self,
         session: &mut Session,

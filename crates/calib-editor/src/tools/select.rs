@@ -40,7 +40,7 @@ pub(super) struct Select {
 }
 
 impl Select {
-    /// Starts the gesture of a press on an image.
+    /// Starts the gesture of a press on an image or on the plan.
     fn press(session: &mut Session, pointer: &Pointer) -> Gesture {
         let Some((camera, at)) = pointer.pixel() else { return Self::press_plan(session, pointer) };
         session.select_camera(camera);
@@ -90,7 +90,7 @@ impl Select {
         PlaceDrag::start(session, pointer).map_or(Gesture::Idle, Gesture::Place)
     }
 
-    /// Adds all points inside a box to the selection; the raw pixels are opposite corners of the box.
+    /// Adds all points inside a box to the selection; `from` and `to` are opposite corners of the box, in raw pixels.
     fn select_in_box(session: &mut Session, camera: usize, from: Pixel, to: Pixel) {
         let inside = |p: Pixel| (p.u - from.u) * (p.u - to.u) <= 0.0 && (p.v - from.v) * (p.v - to.v) <= 0.0;
         let found = hit::handles(&session.site, camera).into_iter().filter(|&(_, pixel)| inside(pixel));

@@ -17,7 +17,7 @@ const MIN_CORRELATION: f64 = 0.8;
 /// Smallest difference in correlation between the best and the second position; below it the match is
 /// ambiguous.
 const MIN_CORRELATION_GAP: f64 = 0.06;
-/// Correlation length of the noise across an edge, in pixels: the width of the smoothing of the images.
+/// Correlation length of the noise across an edge, in pixels. The smoothing of the images causes the correlation.
 const NOISE_LENGTH_PX: f64 = 2.5;
 
 /// Search for edge samples in the new image, after an assumed motion of the camera.
@@ -74,7 +74,8 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Returns the predicted position and direction of the edge in the new image; `None` outside the lens.
+    /// Returns the predicted position and direction of the edge in the new image; `None` outside the lens, or if one
+    /// pixel of the old image becomes less than a tenth of a pixel.
     fn frame(&self, place: &EdgeSample) -> Option<Frame> {
         let [at, along, across] = place.sights.each_ref().map(|sight| self.moved.project(sight));
         let (at, along, across) = (at?, along?, across?);

@@ -8,7 +8,7 @@
 //! (p q + f^2)^2 = cos^2 (p p + f^2)(q q + f^2)
 //! ```
 //!
-//! (Brown, Hartley, Nister 2007). The products are scalar products. The pair with the most inliers is kept
+//! (Brown, Hartley, Nister 2007). The products are scalar products. The pair with the most inliers is used
 //! (RANSAC, Fischler and Bolles 1981). Inliers are counted with a limit for each part of the image, so that
 //! one pallet full of corners does not dominate.
 
@@ -27,7 +27,8 @@ use crate::xor_shift::XorShift;
 pub(crate) const AXES: [[f64; 2]; 2] = [[1.0, 0.0], [0.0, 1.0]];
 /// Largest ratio, in either direction, of the new to the old focal length.
 const MAX_ZOOM_RATIO: f64 = 2.2;
-/// Largest distance of an inlier corner from its predicted position, in pixels of the scale of the corner.
+/// Largest distance of an inlier corner from its predicted position, in pixels of the scale at which the corner was
+/// detected.
 const MAX_INLIER_DISTANCE_PX: f64 = 3.5;
 /// Number of pairs of matches whose motions are tested.
 const PAIR_COUNT: usize = 4000;
@@ -91,7 +92,7 @@ pub(crate) fn best_of_pairs<M, T: Copy, I: IntoIterator<Item = T>>(
     candidates: impl Fn([&M; 2]) -> I,
     inliers: impl Fn(&T) -> usize,
 ) -> Option<(T, usize)> {
-    /// Number of least ambiguous matches that form the first pairs.
+    /// Number of the least ambiguous matches that yield the first pairs.
     const FIRST_MATCH_COUNT: usize = 20;
     let mut chance = XorShift(0x9e37_79b9_7f4a_7c15);
     let mut best: Option<(T, usize)> = None;

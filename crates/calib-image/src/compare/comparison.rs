@@ -204,7 +204,8 @@ impl Comparison {
     /// camera take precedence over detected edges.
     ///
     /// # Errors
-    /// Returns an error if the camera is not calibrated, or the images differ in size.
+    /// Returns an error if the camera is not calibrated. Returns an error if the images differ in size, and the
+    /// new image is no window of the old one.
     pub fn from_entry(entry: &SiteCamera, old: &RgbImage, new: &RgbImage) -> Result<Self, ComparisonError> {
         let camera = entry.camera().ok_or(ComparisonError::NotCalibrated)?;
         Self::new(&camera, &annotation_edges(entry), old, new).map_err(ComparisonError::SizeMismatch)
@@ -404,7 +405,8 @@ impl ImagePair<'_> {
         }
     }
 
-    /// Returns the result for a window of the old image, if it explains the new image better than `moved`.
+    /// Returns the result for a window of the old image, if a window explains the new image better than the
+    /// comparison `moved`. `size` is the width and height of the new image, in pixels.
     fn window(&self, moved: &Comparison, size: [u32; 2]) -> Option<Comparison> {
         /// Largest ratio of the mean squared brightness difference under a window to that under
         /// a rotation and zoom, at which the window is accepted.

@@ -121,7 +121,7 @@ pub(crate) fn cubic(t: f64) -> [f64; 4] {
 const MAX_WIDTH_PX: f64 = 640.0;
 /// Number of scales at which corners are detected. Neighbouring scales differ by a factor of sqrt(2).
 const SCALE_COUNT: u32 = 4;
-/// Side of a cell, in pixels of its scale; only the strongest corner of each cell is kept.
+/// Side of a cell, in pixels of its scale; only the strongest corner of each cell is used.
 const CELL_PX: usize = 16;
 /// Half the side of the patch that a descriptor covers, in pixels of its scale.
 const PATCH_HALF_PX: i32 = 10;

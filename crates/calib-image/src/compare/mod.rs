@@ -1,4 +1,4 @@
-//! Comparison of two images of one camera: its rotation and zoom between them, or the reason why it is
+//! Comparison of two images of one camera: its rotation and zoom between them, or the reason why these are
 //! unknown.
 //!
 //! Matched corners determine a rotation of any size to a few pixels. Edges searched near their predicted

@@ -1,5 +1,5 @@
-//! Motion of a camera between two images: rotation, zoom and a step (translation). The step is predicted for
-//! edges on the floor.
+//! Motion of a camera between two images: rotation, zoom and a step (translation). The effect of the step is
+//! predicted for edges on the floor; edges above the horizon count as infinitely far.
 
 use calib_core::{Camera, Pixel};
 
@@ -7,8 +7,8 @@ use calib_core::camera::{RotatedCamera, RotationZoom, inverse_floor_depth, pixel
 
 use crate::{RotationFit, STEP_SIZE};
 
-/// Step of the finite differences. The unit is radians for a rotation, the log of the focal ratio for a zoom,
-/// and metres at a depth of one metre for a step of the camera.
+/// Step of the finite differences. The unit is radians for a rotation, and the log of the focal ratio for a zoom.
+/// For a step of the camera, the unit is metres at a depth of one metre.
 const DIFFERENCE_STEP: f64 = 1e-5;
 
 /// Ray and inverse floor depth of a pixel, in the axes of the old camera.

@@ -21,7 +21,7 @@ const MAX_DEVIATION_SIGMAS: f64 = 4.0;
 pub enum RecoveryError {
     /// Camera without a solution.
     NotCalibrated,
-    /// Change other than a rotation; only a rotation preserves the position.
+    /// Change other than a rotation, a zoom or a window; only these preserve the position.
     NotRotated(CameraChange),
     /// Camera without annotations.
     NoAnnotations,

@@ -92,8 +92,8 @@ impl StepAlignment {
         whole.z_score(from, from + STEP_SIZE)
     }
 
-    /// Returns the distance between the images of the floor with the step and with the rotation `turned`
-    /// alone, RMS in pixels.
+    /// Returns the distance between the predicted positions of the samples with the step and with the rotation
+    /// `turned` alone, RMS in pixels.
     fn effect(&self, camera: &Camera, places: &[EdgeSample], turned: &Alignment) -> f64 {
         let [with, without] = [self.0.motion, turned.motion].map(|motion| motion.at(camera));
         let apart = |place: &EdgeSample| {

@@ -218,7 +218,7 @@ impl NormalEquations {
     /// With the total information `I`, and the information `I_k`, the score `s_k` and
     /// `H_k = I^-1/2 I_k I^-1/2` of block `k`, the covariance is the sum of the squares of
     /// `I^-1/2 (1 - H_k)^-1/2 I^-1/2 s_k`. The precision `P` of the tone prior adds `I^-1 P I^-1`. A
-    /// direction with nearly all information in one block cannot be tested against the others. Its squared
+    /// direction with nearly all information in one block cannot be tested against the other blocks. Its squared
     /// score then counts as at least its expectation, 1. `slope` is the mean slope of psi divided by the mean
     /// weight.
     pub(super) fn cluster_covariance(

@@ -62,8 +62,8 @@ struct Pair {
     block: usize,
 }
 
-/// Finds the window of the old image that the new image shows; `None` if it shows no window of it. `upright` are
-/// the corners of the old image.
+/// Finds the window of the old image that the new image shows; `None` if the new image shows no such window.
+/// `upright` are the corners of the old image.
 pub(crate) fn find_window(old: &Luma, upright: &[Feature], new: &Luma) -> Option<FoundWindow> {
     /// Smallest fraction of the textured blocks whose brightness must agree for a window to be accepted.
     const MIN_SHARE: f64 = 0.6;
@@ -79,8 +79,8 @@ pub(crate) fn find_window(old: &Luma, upright: &[Feature], new: &Luma) -> Option
     (share > MIN_SHARE).then_some(FoundWindow { map, sigma, share })
 }
 
-/// Returns the mean squared difference of log brightness between the old image and the new image under a map of
-/// pixels. Large differences count as [`MAX_DIFFERENCE`]. `map` is the window whose pixels are compared.
+/// Returns the mean squared difference of log brightness between the old image and the new image. `by` maps old pixels
+/// to new pixels. Large differences count as [`MAX_DIFFERENCE`]. `map` is the window whose pixels are compared.
 pub(crate) fn disagreement(
     [old, new]: [&Luma; 2],
     map: WindowMap,
@@ -123,7 +123,8 @@ fn coarse_window(pairs: &[Pair]) -> Option<WindowMap> {
     Some(map)
 }
 
-/// Returns the window that maps two old corners to their new positions; `None` if it would have to rotate them.
+/// Returns the window that maps two old corners to their new positions; `None` if they are too close together, or if
+/// no window without rotation and with a scale in [`SCALES`] exists.
 fn window_of_pair([a, b]: [&Pair; 2]) -> Option<WindowMap> {
     /// Smallest distance of the old corners, in pixels.
     const MIN_DISTANCE_PX: f64 = 30.0;
@@ -293,8 +294,8 @@ impl BrightnessPair {
         Some((square, gradient, spread * spread))
     }
 
-    /// Rounds a window to whole pixels of the old image, if the brightness agrees as well. Most programs zoom and
-    /// crop to whole pixels.
+    /// Rounds a window to whole pixels of the old image, if the brightness then agrees equally well. Most programs
+    /// zoom and crop to whole pixels.
     fn whole_pixels(&self, map: WindowMap) -> WindowMap {
         /// Largest change of a value of the window by the rounding, in pixels.
         const MAX_DISTANCE_PX: f64 = 0.3;

@@ -3,10 +3,10 @@
 //! 1. The lens is estimated from the curvature of single edges.
 //! 2. Edges are undistorted and joined, and cameras are searched. The best cameras are refined as mixtures,
 //!    with and without right angles.
-//! 3. The strokes of the likeliest mixture are solved like annotations of an operator.
-//! 4. The standard deviation of the focal length combines the standard deviation of the solution, the scatter
-//!    of the other mixtures, weighted by their evidence, and the uncertainty of the lens. This standard
-//!    deviation determines the confidence, together with other checks.
+//! 3. The most informative edges of the likeliest mixture, its strokes, are solved like annotations of an operator.
+//! 4. The standard deviation of the focal length combines three parts: the standard deviation of the solution,
+//!    the scatter of the other mixtures weighted by their evidence, and the uncertainty of the lens. This
+//!    standard deviation determines the confidence, together with other checks.
 //! 5. The strokes get the standard deviation with which their solution has this standard deviation of the focal
 //!    length. Every later solve then includes the uncertainty of the automatic choice of edges.
 
@@ -150,7 +150,7 @@ impl AutomaticCalibration {
         }
     }
 
-    /// Converts the result for an upright image to the image of the camera.
+    /// Converts the result for the image that was rotated by `turn` to the original `image`.
     fn turned_back(mut self, turn: QuarterTurn, image: &EdgeImage) -> Self {
         let back = turn.inverse();
         back.groups(&mut self.groups);
@@ -468,7 +468,7 @@ impl EdgeImage {
     }
 
     /// Returns the principal point for the site file: the entered one, otherwise the centre of the
-    /// image circle, otherwise the centre between unequal bars. `None` if there is none of these.
+    /// image circle, otherwise the centre between unequal bars. `None` if none of these is available.
     fn principal_point_entry(&self) -> Option<PrincipalPointEntry> {
         let [w, h] = self.bars.picture_size(self.size).map(f64::from);
         let off_centre = PrincipalPointEntry {
@@ -612,7 +612,7 @@ fn relative_focal_sigma(solution: &Solution) -> Option<f64> {
 }
 
 /// Returns the next standard deviation of the strokes by the secant method, in pixels. Each pair contains a standard
-/// deviation of the strokes, and the relative standard deviation of the focal length to which it leads.
+/// deviation of the strokes, and the resulting relative standard deviation of the focal length.
 fn next_stroke_sigma([s0, r0]: [f64; 2], [s1, r1]: [f64; 2], target: f64) -> f64 {
     /// Largest factor of one step, also if the solution depends little on the strokes.
     const MAX_FACTOR: f64 = 4.0;

@@ -82,7 +82,7 @@ pub enum Reason {
     FocalConflict,
     /// Contradictory edges: residuals larger than their noise.
     Misfit {
-        /// Sum of squared residuals for each degree of freedom.
+        /// Chi-square of the residuals, divided by the degrees of freedom.
         chi2_per_dof: f64,
     },
 }

@@ -11,11 +11,11 @@
 //!
 //! with `p_i` the predicted rise, `s_i` its standard deviation, `b` the share of edges that are curved in the
 //! scene, and `t` the standard deviation of their rise. `c` is the average number of edges with the same
-//! error (a composite likelihood: Varin, Reid and Firth 2011). The prior is the one of a hand-annotated lens
+//! error (a composite likelihood: Varin, Reid and Firth 2011). The prior is the same as for a hand-annotated lens
 //! (`single/lens_problem.rs` of the core).
 //!
-//! A lens without distortion is as likely beforehand as one with distortion. The Bayes factor of both follows
-//! from Laplace's approximation. The covariance of the coefficients includes the less likely of both lenses.
+//! A lens without distortion and a lens with distortion have equal prior probabilities. Their Bayes factor follows
+//! from Laplace's approximation. The covariance of the coefficients includes the less likely of the two lenses.
 
 use std::f64::consts::TAU;
 

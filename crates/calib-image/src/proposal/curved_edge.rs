@@ -30,7 +30,7 @@ struct Arc {
     rise: f64,
 }
 
-/// Returns the edges that constrain the distortion most, as polylines in raw pixels, the most curved first.
+/// Returns the edges that constrain the distortion the most, as polylines in raw pixels, the most curved first.
 pub(super) fn curved_edges(lines: &[Line], segments: &[LineSegment], lens: &Lens) -> Vec<Vec<Pixel>> {
     let mut arcs: Vec<Arc> = lines.iter().filter_map(|line| arc(line, segments, lens)).collect();
     arcs.sort_by(|a, b| b.rise.total_cmp(&a.rise));

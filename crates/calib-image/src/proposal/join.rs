@@ -4,7 +4,7 @@
 //!
 //! An edge is often detected in pieces, because objects occlude it or its contrast changes. A piece is joined
 //! to a longer one under two conditions. Both its ends are on the line through the longer piece, within the
-//! uncertainty of that line. The gap is not longer than a fraction of the visible length of both. The joined
+//! uncertainty of that line. The gap is not longer than a fraction of the visible length of both pieces. The joined
 //! line is the least-squares line through the ends of all pieces.
 //!
 //! # Evidence
@@ -124,7 +124,8 @@ impl Line {
         Some(Offset { pixels: factor * incidence, factor, incidence, q, squares, along, root })
     }
 
-    /// Returns the probability densities of a residual, in pixels: for buildings, then for movable objects.
+    /// Returns the probability densities of a residual in pixels, for buildings, then for movable objects. Each
+    /// density is multiplied by the fraction of its class.
     fn densities(&self, pixels: f64) -> [f64; 2] {
         let shares = [1.0 - MOVABLE_FRACTION, MOVABLE_FRACTION];
         std::array::from_fn(|k| {
@@ -133,8 +134,8 @@ impl Line {
         })
     }
 
-    /// Returns the ratio of two likelihoods: that the edge leads to this vanishing point, and that it has any
-    /// direction.
+    /// Returns the likelihood ratio of two hypotheses: the edge points to this vanishing point, or its direction is
+    /// random.
     pub(super) fn odds(&self, v: Point) -> f64 {
         /// Residual beyond which the odds are zero, in standard deviations of movable objects.
         const MAX_RESIDUAL_SIGMAS: f64 = 6.0;

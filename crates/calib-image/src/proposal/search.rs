@@ -10,10 +10,10 @@
 //!
 //! # Cameras
 //!
-//! Each point in turn is assumed to be the vertical vanishing point. The tested focal lengths are a fixed
-//! range, and the focal lengths that put two of the points at right angles. For every camera, the floor
-//! directions are searched in the same way, among the azimuths of the intersections of long edges with the
-//! horizon.
+//! Each point in turn is assumed to be the vertical vanishing point. The tested focal lengths cover the range
+//! `focal_range`. They also include the focal lengths with which the directions of two points are at right
+//! angles. For every camera, the floor directions are searched in the same way, among the azimuths of the
+//! intersections of long edges with the horizon.
 
 use calib_core::Orientation;
 
@@ -50,7 +50,7 @@ pub(super) struct Hypothesis {
     pub(super) camera: Orientation,
     /// Azimuths of the floor directions, in radians counter-clockwise from the camera's right.
     pub(super) azimuths: Vec<f64>,
-    /// Log likelihood of the edges plus log prior density of the camera.
+    /// Log likelihood of the edges plus log prior density of the camera, minus [`MIN_SCORE`] for each floor direction.
     score: f64,
 }
 

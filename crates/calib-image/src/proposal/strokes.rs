@@ -3,7 +3,7 @@
 //! An edge with the Jacobian row `J` adds `J' J` to the information about roll, pitch, log focal length and
 //! the azimuths of the floor directions. This information is multiplied by the probability that the edge
 //! belongs to its direction. Edges are selected one after the other, each time the edge that raises the log
-//! determinant of the information most (greedy D-optimal design). The result is long edges, far from each
+//! determinant of the information the most (greedy D-optimal design). The result is long edges, far from each
 //! other, of every relevant direction.
 //!
 //! The selected edges are called strokes. They become annotations, and are solved like annotations of an
@@ -30,7 +30,7 @@ pub(super) struct Stroke {
     pub(super) line: usize,
     /// Direction: 0 for the vertical, then the floor directions.
     pub(super) direction: usize,
-    /// Probability that this edge has the direction in space of `direction`.
+    /// Probability that the edge belongs to this direction.
     pub(super) probability: f64,
 }
 

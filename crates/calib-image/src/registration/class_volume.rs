@@ -23,7 +23,7 @@ pub(crate) const UNIT: f32 = 8192.0;
 /// image by chance.
 pub(crate) const ADDED_SHARE: f32 = 0.002 * UNIT;
 
-/// Largest horizontal distance of a visible cell from the camera, in heights.
+/// Largest horizontal distance of a visible cell from the camera, in heights of the camera.
 const MAX_DISTANCE: f64 = 6.75;
 /// Points of a cell that are projected to the image: x, y in cells, and z in levels.
 const POINTS: [[f64; 3]; 5] =

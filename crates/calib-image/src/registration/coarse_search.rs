@@ -17,10 +17,10 @@ use crate::registration::site_colours::{CameraColours, Level};
 const YAWS: usize = 48;
 /// First yaw, in radians. It is not a multiple of the step, so that right angles are not preferred.
 const FIRST_YAW: f64 = 0.03;
-/// Logs of the tested height ratios, relative to the ratio of the given heights. If both heights are measured, only
-/// the ratio of the given heights is tested.
+/// Logs of the tested height ratios, relative to the ratio of the heights that the cameras have before the search. If
+/// both heights are measured, only this ratio is tested.
 const LOG_RATIOS: [f64; 3] = [0.0, -0.1625, 0.1655];
-/// Value of [`ratio_sigma`] below which only the ratio of the given heights is tested.
+/// Value of [`ratio_sigma`] below which only the first of [`LOG_RATIOS`] is tested.
 const MAX_KNOWN_SIGMA: f64 = 0.05;
 /// Largest number of colour items of each camera.
 const ITEM_COUNT: usize = 300;
@@ -102,7 +102,7 @@ fn grid(items: &[Item], volume: &ClassVolume, yaw: f64, height: f64, max_height:
 /// The logarithm to base 2 of the likelihood ratio is approximated by the bits of a floating-point number. It is
 /// exact at powers of 2, therefore also for the ratio 1 (no evidence).
 fn add_item(scores: &mut [f32], points: [&[u16]; POINTS], background: f32, weight: f32) {
-    /// Size of one octave in the bits of a floating-point number.
+    /// Difference of the bits of two floating-point numbers, read as integers, if the ratio of the numbers is 2.
     const OCTAVE: f32 = 8_388_608.0;
     let factor = (1.0 - OUTLIER_SHARE) / (background + ADDED_SHARE);
     let constant = OUTLIER_SHARE + factor * ADDED_SHARE;
@@ -138,7 +138,7 @@ fn interpolate(grid: &Grid, at: [f64; 2]) -> f32 {
 
 /// Returns the largest local maxima, with a limited number on each ridge.
 fn peaks(scores: &[f32], ratios: &[f64]) -> Vec<RelativePose> {
-    /// Number of cells among which the peaks are searched.
+    /// Number of cells with the largest scores, among which the peaks are searched.
     const CANDIDATE_COUNT: usize = 60_000;
     let mut order: Vec<usize> = (0..scores.len()).collect();
     order.sort_unstable_by(|&a, &b| scores[b].total_cmp(&scores[a]).then(a.cmp(&b)));
