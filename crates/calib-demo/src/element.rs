@@ -1,6 +1,6 @@
-//! Marks that coincide with objects of the scene.
+//! Marks that coincide with objects of the scene, and landmarks.
 //!
-//! Also scene points that an operator can recognise in images. They serve as control points and links.
+//! Landmarks are scene points that an operator can recognise in images. They serve as control points and links.
 
 use calib_core::{MarkKind, Pixel, WorldPoint};
 use calib_site::{ControlPointEntry, Link, LinkKind, LinkObservation, Mark};
@@ -104,7 +104,8 @@ pub(crate) fn control_points(
         .collect()
 }
 
-/// Returns links to floor points that at least two cameras show, spread over the floor, and to the pole.
+/// Returns links to up to `count` floor points, spread over the floor, and to the pole. At least two cameras other
+/// than the fisheye show each floor point.
 pub(crate) fn links(hands: &mut [(&str, Operator)], count: usize) -> Vec<Link> {
     /// Scale that makes floor distances comparable to the pixels of `spread`.
     const PIXELS_PER_METRE: f64 = 100.0;

@@ -18,7 +18,7 @@ pub(crate) const TREMOR: f64 = 0.7;
 /// Minimum distance of annotated points from the image border, in pixels.
 const MARGIN: f64 = 14.0;
 /// Length of the last part of a line of sight in which occlusion is ignored, in metres. The point itself may
-/// lie on a corner.
+/// be on a corner.
 const SLACK: f64 = 0.02;
 
 /// Operator who annotates the image of one camera.
@@ -168,7 +168,7 @@ pub(crate) fn spread<T: Copy>(
     chosen
 }
 
-/// Additional annotation of a camera, besides verticals and two groups of parallel floor lines.
+/// Annotation of a camera in addition to verticals and two groups of parallel floor lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Extra {
     /// Tile edges of equal length.

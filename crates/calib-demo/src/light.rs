@@ -1,4 +1,4 @@
-//! Light of sun, sky and lamps, reflections of walls and floors, and its computation at a point.
+//! Computation of the light at a point: from sun, sky and lamps, and from reflections of walls and floors.
 
 use crate::building::CEILING;
 use crate::shape::Line;
@@ -25,7 +25,7 @@ pub(crate) struct Light {
     pub(crate) mirror: Vec3,
 }
 
-/// Point of a surface whose light is computed.
+/// Surface point at which the light is computed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LightQuery {
     pub(crate) point: Vec3,
@@ -109,8 +109,8 @@ fn mean_light(room: Room, normal: Vec3) -> Vec3 {
     }
 }
 
-/// Returns the light along a ray, without shadows and up to `reach` metres. It is sufficient for indirect
-/// light and mirrors. `lamps` includes the light of lamps; it is false where lamps are sampled separately.
+/// Returns the light along a ray, without shadows and up to `reach` metres, for indirect light and mirrors.
+/// `lamps` is whether the full light of lamps is included; it is false if lamps are sampled separately.
 fn trace_unshadowed(world: &World, line: &Line, reach: f32, home: Room, lamps: bool) -> Vec3 {
     match world.tree.nearest(line, reach) {
         None if reach < BEYOND_SCENE => {
@@ -140,8 +140,8 @@ pub(crate) fn sunlight(world: &World, point: Vec3, normal: Vec3) -> Vec3 {
     SUNLIGHT * slant
 }
 
-/// Computes the light at a surface point. It traces `4 x rows` rays into the half space above the surface,
-/// and at most one ray to each lamp of the room.
+/// Computes the light at a surface point. It traces `4 x rows` rays into the half space above the surface, and
+/// at most one ray to each lamp of the room. The mirror reflection, if requested, needs more rays.
 pub(crate) fn gather(world: &World, place: &LightQuery, rows: u32) -> Light {
     let LightQuery { normal, view, .. } = *place;
     let origin = place.point + normal * RAY_OFFSET;

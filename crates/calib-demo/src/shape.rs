@@ -1,6 +1,7 @@
 //! Shapes of the scene and their intersection with rays.
 //!
-//! Also the rays of an image: exact at the nodes of a mesh, and interpolated between them.
+//! The file also computes the rays of an image: exactly at the nodes of a mesh, and by interpolation between
+//! the nodes.
 
 use calib_core::{Camera, Lens, Pixel};
 

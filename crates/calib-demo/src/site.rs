@@ -1,9 +1,7 @@
-//! Demonstration site document: the entered data, and the truth.
+//! Demonstration site document: the entered data, and the true cameras, which a calibration should recover.
 //!
-//! Also the same site without a plan: the cameras of the shop are connected by links and marks, and store and
-//! barn are not connected to them.
-//!
-//! Also the true cameras, which a calibration should recover.
+//! A variant of the site has no plan. Links and marks connect the cameras of the shop; the cameras of the store
+//! and the barn are not connected to them.
 
 use calib_core::camera::{Coefficient, RotationZoom};
 use calib_core::floor::STAGE_1_HEIGHT;
@@ -104,13 +102,13 @@ pub(crate) fn resized(camera: &Camera, factor: f64) -> Camera {
     Camera { focal: camera.focal * factor, lens, ..*camera }
 }
 
-/// Length of the last part of a line of sight to a mark in which occlusion is ignored, in metres. The mark's
-/// object may hide it.
+/// Length of the last part of a line of sight to a point of a mark in which occlusion is ignored, in metres. The
+/// mark's own object may hide the point.
 const SLACK: f64 = 0.35;
 
-/// Removes plan, placements and control points, and adds observations of the marks.
+/// Removes plan, control points and all placements except the first, and adds observations of the marks.
 ///
-/// The first camera has its exact placement, which is the gauge of the site. The positions of the marks have errors.
+/// The first camera gets its exact placement, which is the gauge of the site. The poses of the marks get errors.
 pub(crate) fn without_plan(mut site: Site) -> Site {
     site.plan = None;
     site.georeference = None;

@@ -52,7 +52,7 @@ pub(crate) fn clouds(p: Vec3, scale: f32, footprint: f32) -> f32 {
 }
 
 /// Returns the fraction of a segment that joints cover. The segment is `footprint` metres long with its
-/// centre at `x`. Joints have this width, and lie at the multiples of `pitch`, in metres.
+/// centre at `x`. Joints are `width` metres wide, with their centres at the multiples of `pitch`, in metres.
 pub(crate) fn joint(x: f32, pitch: f32, width: f32, footprint: f32) -> f32 {
     let covered = |x: f32| {
         let shifted = x + 0.5 * width;

@@ -138,8 +138,8 @@ impl Node {
     const EMPTY: Self =
         Self { min: [[f32::INFINITY; 4]; 3], max: [[f32::NEG_INFINITY; 4]; 3], first: [0; 4], count: [0; 4] };
 
-    /// Returns the distances along the ray, in metres, where it enters and leaves each of the four boxes.
-    /// Both are between 0 and `limit`.
+    /// Returns the distances along the ray, in metres, where it enters and leaves each of the four boxes. An entry
+    /// is at least 0, an exit at most `limit`. The ray misses a box if the entry is greater than the exit.
     #[inline(always)]
     fn spans(&self, line: &Line, limit: f32) -> ([f32; 4], [f32; 4]) {
         let (mut near, mut far) = ([0.0; 4], [limit; 4]);

@@ -1,7 +1,7 @@
-//! Walking people in the shop, and their detections by a simulated foot detector.
+//! Walking people in the shop, and their detections by a simulated foot detector ([`walk`]).
 //!
-//! Also visitors over many days, with the boxes of a simulated detector. The simulation includes hidden feet,
-//! children, seasonal changes, and noise in proportion to the height of the box.
+//! [`Crowd`] simulates visitors over many days, with the boxes of a simulated detector. It includes hidden
+//! feet, children, seasonal changes, and noise in proportion to the height of the box.
 
 use calib_core::camera::PanTiltZoom;
 use calib_core::{Camera, FloorPoint, Pixel, WorldPoint};
@@ -37,7 +37,7 @@ pub struct Walk {
 impl Walk {
     /// Time step, in seconds.
     pub const STEP: f64 = 0.1;
-    /// Standard deviation of a detected foot, in pixels.
+    /// Standard deviation of each coordinate of a detected foot, in pixels.
     pub const NOISE: f64 = 2.0;
 }
 
@@ -122,7 +122,7 @@ pub fn walk(cameras: &[(Camera, [u32; 2])], seed: u64) -> Walk {
             }
             if random.random_bool(FALSE_DETECTIONS) {
                 let [w, h] = size.map(f64::from);
-                // False detections are below the horizon, like reflections and boxes of goods.
+                // False detections, such as reflections and boxes of goods, are not in the top of the image.
                 let pixel = Pixel::new(random.random_range(0.0..w), random.random_range(0.3 * h..h));
                 if camera.pixel_to_ray(pixel).is_some() {
                     seen.push(FootDetection { moment, camera: index, pixel, person: None });

@@ -60,8 +60,8 @@ fn build_scene(gondolas: [[f32; 3]; 2], people: &[figure::Person]) -> Stage {
 
 /// Whether a camera with an image of `size` pixels shows a world point: inside the image and not hidden.
 ///
-/// Occlusion in the last `slack` metres of the line of sight is ignored: the point may lie on a surface, or
-/// inside a foot.
+/// Occlusion in the last `slack` metres of the line of sight is ignored: the point may be on a surface, or
+/// inside an object, for example inside a person's foot.
 #[must_use]
 pub fn visible(camera: &Camera, size: [u32; 2], point: WorldPoint, slack: f64) -> bool {
     camera.world_to_pixel(point).is_some_and(|pixel| is_shown(camera, size, pixel, 0.0))

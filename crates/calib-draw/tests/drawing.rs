@@ -71,7 +71,7 @@ fn every_annotated_line_appears_exactly_once() {
         let view = ImageView::new(site, camera);
         let items = on_image(&view, &[ImageLayer::Annotations(Signs::All)]);
         let lens = entry.solution.as_ref().unwrap().lens();
-        // A fisheye curves them between the annotated points; other lenses do not.
+        // Lines of a fisheye are curved between the annotated points; lines of other lenses are not.
         let drawn = entry.annotations.iter().flat_map(|a| a.polylines());
         let drawn: Vec<Vec<Pixel>> = drawn.map(|points| annotated_line_curve(&lens, &points)).collect();
         let lines = polylines(&items);

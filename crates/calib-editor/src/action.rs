@@ -193,10 +193,10 @@ pub enum Action {
         /// Name of the undo step, as shown after "Undo".
         name: String,
     },
-    /// Shows another camera that fits equally well. The index (0 or 1) selects which of the two shown cameras
-    /// is replaced. The number is its horizontal field of view in degrees.
+    /// Shows another solution that fits the lines equally well. The index (0 or 1) selects which of the two shown
+    /// solutions is replaced. The number is the horizontal field of view of the new one, in degrees.
     ShowView(usize, f64),
-    /// Sets a prior on the focal length, in pixels, to choose among cameras that fit equally well.
+    /// Sets a prior on the focal length, in pixels, to choose among solutions that fit equally well.
     SetFocalPrior(f64),
 
     /// Places a camera in the world.

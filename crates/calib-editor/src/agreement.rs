@@ -16,8 +16,8 @@ use crate::session::Session;
 pub struct LinkDistance {
     /// Distance, in metres.
     pub metres: f64,
-    /// Standard deviation of the distance, in metres, assuming independent cameras; `None` if the errors of
-    /// one camera are unknown.
+    /// Standard deviation of the distance, in metres, assuming independent cameras; `None` if the uncertainty of
+    /// a camera is unknown.
     pub sigma: Option<f64>,
 }
 
@@ -236,7 +236,7 @@ fn points_within(polygon: &[FloorPoint]) -> Vec<FloorPoint> {
         .collect()
 }
 
-/// Returns the fraction of points that is inside a polygon, 0 to 1.
+/// Returns the fraction of the points that are inside a polygon, 0 to 1.
 fn covered_fraction(points: &[FloorPoint], polygon: &[FloorPoint]) -> f64 {
     let [low, high] = bounds(polygon);
     let is_near = |p: &&FloorPoint| p.x >= low.x && p.x <= high.x && p.y >= low.y && p.y <= high.y;

@@ -38,7 +38,7 @@ pub enum Needs {
     Proposed,
     /// A newer image of the selected camera.
     Newer,
-    /// A newer image with which the comparison has found that the selected camera moved.
+    /// A newer image of the selected camera whose comparison shows that the camera moved.
     Moved,
     /// A gesture to undo.
     Undo,

@@ -1,6 +1,6 @@
-//! Edits of a site: add, move, insert, delete and duplicate annotations. Independent of the user interface.
+//! Edits of a site, independent of the user interface: add, move, insert, delete and duplicate annotations.
 //!
-//! Also the names of selected parts that the app shows.
+//! The file also creates the names that the app shows for selected parts.
 
 use std::collections::BTreeSet;
 
@@ -235,8 +235,8 @@ pub(crate) fn remove_dangling_distances(site: &mut Site) {
     site.distances.retain(|distance| distance.between.iter().all(|id| ids.contains(id)));
 }
 
-/// Deletes a part of a camera entry: of an annotation, of the field of view, or a control point. Incomplete
-/// annotations stay until `remove_incomplete` removes them.
+/// Deletes a part of a camera entry: a part of an annotation or of the field of view, or a control point.
+/// Incomplete annotations stay until `remove_incomplete` removes them.
 fn delete_part(entry: &mut SiteCamera, part: Part) {
     match part {
         Part::Vertex { annotation, segment, vertex } => {
@@ -388,8 +388,7 @@ pub fn free_id(site: &Site, letter: char) -> String {
 }
 
 impl Session {
-    /// Returns the name of a part of the selected camera for the operator, for example "V2", "corner 3" or
-    /// "control point 7".
+    /// Returns the name of a part of the selected camera for the operator, for example "V2" or "control point 7".
     #[must_use]
     pub fn part_name(&self, part: Part) -> String {
         let Some(entry) = self.entry() else { return String::new() };

@@ -46,7 +46,7 @@ pub struct Editor {
     pub(crate) newer: Vec<NewerImage>,
     /// Saved version of the site to compare with.
     pub(crate) compared_site: Option<Site>,
-    /// Alternative cameras that fit equally well, with the index of the camera in the site.
+    /// Alternative solutions of a camera that fit equally well, with the index of the camera in the site.
     pub(crate) family: Option<(usize, Family)>,
     /// Preview: the selected camera with its whole automatic calibration accepted.
     pub(crate) preview: Option<Preview>,
@@ -170,8 +170,8 @@ impl Editor {
         self.session.begin_frame();
     }
 
-    /// Searches for other cameras that fit the selected camera's annotations equally well. Returns whether
-    /// there are any.
+    /// Searches for other solutions that fit the selected camera's annotations equally well. Returns whether
+    /// any exist.
     pub fn find_family(&mut self) -> bool {
         let session = &self.session;
         let camera = session.camera;
@@ -197,7 +197,7 @@ impl Editor {
         self.family.is_some()
     }
 
-    /// Returns the alternative cameras that fit equally well, with the index of the camera in the site.
+    /// Returns the alternative solutions of a camera that fit equally well, with its index in the site.
     #[must_use]
     pub fn family(&self) -> Option<(usize, &Family)> {
         self.family.as_ref().map(|(camera, family)| (*camera, family))

@@ -137,8 +137,8 @@ fn ray(camera: &Camera, pixel: Pixel, plane: &Plane, height: f64) -> Option<Vec<
     Some(vec![low, high])
 }
 
-/// Returns the height of a post above its foot, in metres. It is the height at which the ray of the pixel of
-/// the head passes closest to the vertical through the foot.
+/// Returns the height of a post above its foot, in metres. At this height, the ray of the pixel `head` passes
+/// closest to the vertical through the foot. `None` if the height is not positive.
 #[must_use]
 pub fn post_length(camera: &Camera, foot: WorldPoint, head: Pixel) -> Option<f64> {
     let Ray { origin, direction: [x, y, z] } = camera.pixel_to_ray(head)?;

@@ -1,5 +1,5 @@
-//! Cameras that fit the annotations as well as the solution does: a second solution, or a one-parameter
-//! family.
+//! Alternatives to the solution of a camera that fit its annotations equally well: a second solution, or a
+//! one-parameter family of solutions.
 
 use calib_core::{Camera, Code};
 
@@ -18,15 +18,15 @@ pub struct Fit {
     pub pose: Camera,
 }
 
-/// Alternative cameras that fit the annotations as well as the solution.
+/// Alternative solutions of a camera that fit its annotations equally well.
 #[derive(Clone, Debug)]
 pub struct Family {
     /// Camera from which the alternatives were computed.
     camera: SiteCamera,
-    /// Range of horizontal fields of view for which a camera fits, in degrees. `None` if there are exactly
+    /// Range of horizontal fields of view for which a solution fits, in degrees. `None` if there are exactly
     /// two solutions.
     pub range: Option<[f64; 2]>,
-    /// Cameras at the ends of `range`.
+    /// Pose and lens of the solutions at the ends of `range`.
     pub ends: Option<[Camera; 2]>,
     /// Two alternatives that the app shows for comparison.
     pub shown: [Fit; 2],
@@ -95,8 +95,8 @@ impl Family {
             return None;
         }
         let own = own.clamp(low, high);
-        // The field of view of the second camera is halfway between the first one and the farther end of the
-        // range.
+        // The field of view of the second alternative is halfway between the first one and the farther end of
+        // the range.
         let far = if own - low > high - own { low } else { high };
         let shown = shown(own, 0.5 * (own + far))?;
         let ends = Some([first.pose, last.pose]);

@@ -97,8 +97,9 @@ pub fn handles(site: &Site, index: usize) -> Vec<(Part, Pixel)> {
     list
 }
 
-/// Returns the point of an annotated line that a drawing tool moves by a drag from a raw pixel. `radius` is the search
-/// radius of the selection tool, in pixels. A drawing tool uses a part of it, so that lines can begin near others.
+/// Returns the point of an annotated line that a drawing tool moves if a drag starts at the raw pixel `at`. `radius` is
+/// the search radius of the selection tool, in pixels. Drawing tools use a smaller radius, so that lines can begin near
+/// others.
 #[must_use]
 pub fn line_point(site: &Site, index: usize, at: Pixel, radius: f64) -> Option<Part> {
     /// Search radius of drawing tools, as a fraction of the radius of the selection tool.

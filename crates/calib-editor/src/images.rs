@@ -1,7 +1,7 @@
 //! Images of a site: files in the folder of the site, or stored bytes with ids.
 //!
-//! Also the decoding of images, the files that may be read without asking the operator, and camera names from
-//! file names.
+//! The file also decodes images, determines which files may be read without asking the operator, and derives
+//! camera names from file names.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -43,7 +43,7 @@ pub fn camera_name(path: &Path) -> String {
     folder.filter(|folder| is_generic && !folder.is_empty()).unwrap_or(stem)
 }
 
-/// Returns the MIME type of an image by its file name.
+/// Returns the MIME type of an image from the extension of its file name; JPEG if the extension is unknown.
 #[must_use]
 pub fn mime(name: &str) -> &'static str {
     let ending = Path::new(name).extension().map(|ending| ending.to_string_lossy().to_lowercase());
@@ -309,7 +309,8 @@ impl Source {
         }
     }
 
-    /// Returns the name of an image that must be rendered and was not rendered yet.
+    /// Returns the name of the image if it may have to be rendered: it has a renderer, and is neither stored nor
+    /// rendered yet.
     #[must_use]
     pub fn name_to_render(&self) -> Option<&str> {
         let is_to_be_made = self.stored.is_none() && self.missing.is_some() && self.rendered().is_none();
@@ -350,7 +351,7 @@ pub(crate) fn images_mut(site: &mut Site) -> impl Iterator<Item = &mut String> {
     site.cameras.iter_mut().filter_map(|camera| camera.image.as_mut()).chain(plan)
 }
 
-/// Returns the MIME type of an image by its first bytes.
+/// Returns the MIME type of an image from its first bytes; PNG if they are unknown.
 fn mime_of(bytes: &[u8]) -> &'static str {
     let known = MIME_TYPES.iter().find(|(.., head)| bytes.starts_with(head));
     known.map_or("image/png", |(_, mime, _)| *mime)

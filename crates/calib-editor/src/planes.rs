@@ -1,7 +1,7 @@
 //! Edits of planes other than the floor, and of the annotations on them. Independent of the user interface.
 //!
-//! Also estimated positions and lengths of links, marks and lines. They are hints for the operator, never
-//! measurements.
+//! The file also estimates positions and lengths of links, marks and lines. The estimates are hints for the
+//! operator and are never used as measurements.
 
 use std::collections::BTreeSet;
 

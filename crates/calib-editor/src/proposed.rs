@@ -3,12 +3,12 @@
 //!
 //! The site does not contain an undecided calibration: a group of lines is added to the site when it is
 //! accepted. Groups of floor lines are distinguished by the name of their direction, which becomes the id of
-//! the annotation. A group that is accepted later joins the annotation of its direction. Two directions at
-//! right angles refer to each other once both are accepted.
+//! the annotation. A group that is accepted later joins the annotation of its direction. If two directions
+//! are at right angles, the annotation that is accepted later refers to the earlier one.
 //!
-//! Also the preview of the camera with all groups accepted, and the group to decide first. This group
-//! minimises the predicted relative error of floor lengths. The prediction uses the covariance, as for
-//! suggestions.
+//! The file also computes the preview of the camera with all groups accepted, and the group to decide first.
+//! This group, accepted alone, minimises the predicted relative error of floor lengths. The prediction uses
+//! the covariance, as for suggestions.
 
 use std::borrow::Cow;
 
@@ -112,9 +112,9 @@ pub enum CalibrationDecision {
     SelectLine(Option<(usize, usize)>),
     /// Accepts all groups.
     AcceptAll,
-    /// Chooses one of two cameras that explain the edges equally well.
+    /// Chooses one of two solutions that explain the edges equally well.
     Decide {
-        /// Whether the alternative camera is chosen.
+        /// Whether the alternative solution is chosen.
         other: bool,
     },
     /// Accepts the group with this index.
@@ -144,13 +144,14 @@ pub struct PendingCalibration {
     pub groups: Vec<PendingGroup>,
     /// Roll, pitch and focal length that were estimated from all edges, if any.
     pub orientation: Option<Orientation>,
-    /// Alternative camera that explains the edges almost as well, with its own groups.
+    /// Alternative solution that explains the edges almost as well, with its own groups.
     pub alternative: Option<Box<Hypothesis>>,
     /// Pairs of names of floor directions that are at right angles.
     perpendicular_pairs: Vec<[String; 2]>,
     /// Distortion that was assumed when the lines were detected.
     distortion: Option<DistortionEntry>,
-    /// Principal point that was assumed when the lines were detected; `None` near the image centre.
+    /// Principal point that was assumed when the lines were detected; `None` if only the image
+    /// centre is known.
     principal_point: Option<PrincipalPointEntry>,
 }
 
@@ -222,7 +223,7 @@ impl PendingCalibration {
         }
     }
 
-    /// Chooses between two cameras that explain the edges equally well. If `other` is set, the alternative is
+    /// Chooses between two solutions that explain the edges equally well. If `other` is set, the alternative is
     /// chosen. Other reasons for a reduced confidence remain.
     pub(crate) fn decide(&mut self, other: bool) {
         let Some(rival) = self.alternative.take() else { return };
@@ -271,7 +272,8 @@ impl PendingCalibration {
         own
     }
 
-    /// Returns the camera with the groups accepted that `which` selects by index.
+    /// Returns the camera with the accepted groups, which `which` selects by index. The assumed distortion and
+    /// principal point are set if they are unknown.
     #[must_use]
     pub(crate) fn with_groups(&self, entry: &SiteCamera, which: impl Fn(usize) -> bool) -> SiteCamera {
         let mut drawn = entry.clone();
@@ -309,7 +311,7 @@ impl PendingCalibration {
             let usual = entry.sigma_px.unwrap_or(1.0);
             let known = &mut entry.annotations[known];
             known.segments.get_or_insert_default().extend(group.lines.clone());
-            // An annotation has one standard deviation for all its lines.
+            // An annotation has one standard deviation for all its lines, so the larger one is used.
             let own = known.sigma_px.unwrap_or(usual);
             known.sigma_px = group.sigma_px.filter(|sigma| *sigma > own).or(known.sigma_px);
             return;
@@ -336,7 +338,7 @@ impl PendingCalibration {
     }
 
     /// Sets the principal point that was assumed when the lines were detected, for example in the middle between black
-    /// bars. It is set only if no principal point is entered, and if the image has no image circle.
+    /// bars. It is not set if the lens entry has a principal point, an image circle, a window or a shared lens.
     fn set_principal_point(&self, entry: &mut SiteCamera) {
         let lens = entry.lens.as_ref();
         let is_known = lens.is_some_and(|lens| {

@@ -141,8 +141,8 @@ impl Session {
         Some(self.estimated_georeference()?.sigma.azimuth_deg).filter(|sigma| *sigma > 0.0)
     }
 
-    /// Returns the covariance of the geographic position of a floor point that the errors of the georeference
-    /// cause, along world x and y, in square metres. It is zero if the georeference is exact.
+    /// Returns the covariance that the errors of the georeference cause in the geographic position of a floor
+    /// point. It is along world x and y, in square metres; zero if the georeference is exact.
     #[must_use]
     pub fn georeference_covariance(&self, at: FloorPoint) -> [[f64; 2]; 2] {
         self.estimated_georeference().map_or([[0.0; 2]; 2], |found| found.world_covariance_at(at))
@@ -368,7 +368,8 @@ impl Session {
         &self.live.settled
     }
 
-    /// Discards the kept solution of an ended calibration period if the inputs of the camera have changed.
+    /// Discards the stored solution ([`Method::Kept`]) of an ended calibration period if the inputs of the camera
+    /// have changed.
     fn discard_changed_solutions(&mut self) {
         let before = self.history.cameras();
         for camera in &mut self.site.cameras {

@@ -49,7 +49,7 @@ impl CameraSlots {
         }
     }
 
-    /// Returns the earlier number of a camera: of the same camera, or of the camera that was renamed to it.
+    /// Returns the earlier number of a camera, also if the camera had another id then; `None` for a new camera.
     fn earlier(&self, cameras: &[SiteCamera], index: usize) -> Option<usize> {
         let camera = cameras.get(index)?;
         let of = |list: &[(Period, usize)]| {

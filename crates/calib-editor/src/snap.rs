@@ -31,8 +31,8 @@ pub(crate) fn pull_parts(
 /// Length of the part of a line, next to the end that is moved, that is compared with the image, in raw pixels.
 const END_LENGTH_PX: f64 = 60.0;
 
-/// Returns the end `at` of a line from `other`, moved onto the image edge under it that runs along the line. Only the
-/// part of the line next to `at` is compared with the image. `None` if no edge is found.
+/// Moves the end `at` of a line from `other` onto the image edge that runs along the line there, and returns the new
+/// end. Only the part of the line next to `at` is compared with the image. `None` if no edge is found.
 #[must_use]
 pub(crate) fn snap_end(image: &RgbImage, lens: &Lens, other: Pixel, at: Pixel) -> Option<Pixel> {
     let length = other.distance(at);

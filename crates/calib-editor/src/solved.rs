@@ -116,7 +116,7 @@ pub struct Solved {
     pub paused: bool,
 }
 
-/// Largest number of joint results that are kept for undo.
+/// Largest number of joint results that are stored for undo.
 const MAX_JOINT_RESULTS: usize = 64;
 
 /// Reference to a stored joint result that applies to a site.

@@ -12,9 +12,9 @@ use crate::steps::{FIELD, LENS, PLACE, Step, is_serious, nonstraightness_px, rej
 pub enum StatusLevel {
     /// The camera is fit for use, or ready for the next step.
     Good,
-    /// Work steps of the camera are missing.
+    /// Work steps of the camera are missing, or its result has warnings or is out of date.
     Incomplete,
-    /// The annotations contradict each other: the result does not fit them.
+    /// The annotations contradict each other, or the result has an error.
     Contradictory,
 }
 

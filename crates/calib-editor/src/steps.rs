@@ -1,6 +1,6 @@
 //! Work steps of one camera, and the input that is missing in each step.
 //!
-//! Also the subject of a warning about the whole site, to which the app can navigate.
+//! The file also finds the subject of a warning about the whole site, so that the app can navigate to it.
 
 use calib_core::outcome::DisconnectionReason;
 use calib_core::single::straightness_rms;
@@ -137,7 +137,8 @@ pub fn nonstraightness_px(session: &Session, camera: usize) -> Option<f64> {
     (worst > MAX_DEVIATION_SIGMAS * entry.sigma_px.unwrap_or(1.0)).then_some(worst)
 }
 
-/// Returns the number of lines of a kind, and the number of annotations of the same kind.
+/// Returns the number of lines of a kind, and the number of their annotations. Annotations that are switched off
+/// are not counted.
 fn line_count(session: &Session, camera: usize, kind: Kind) -> (usize, usize) {
     let Some(entry) = session.site.cameras.get(camera) else { return (0, 0) };
     let of_kind = entry.annotations.iter().filter(|a| a.kind == kind && !a.off);
@@ -296,7 +297,7 @@ pub fn missing_steps(session: &Session, camera: usize) -> usize {
     steps(session, camera).iter().filter(|step| !step.is_done && !step.is_optional).count()
 }
 
-/// Whether all required steps are done, no link was rejected, and the result has no serious warning.
+/// Whether all required steps are done, no link was rejected, and the result is current without a serious warning.
 #[must_use]
 pub fn is_finished(session: &Session, camera: usize) -> bool {
     let is_good = session

@@ -1,4 +1,4 @@
-//! Image edges for suggested lines: detected edges that run like the suggestion.
+//! Image edges for suggested lines: detected edges with about the position and direction of the suggested line.
 //!
 //! A suggestion is an example: the solver computes it from the estimated camera, without using the image.
 //! Only an edge in the image is evidence, and only after the operator has accepted it.
@@ -15,8 +15,8 @@ use crate::hit;
 const MAX_DISTANCE_REL: f64 = 0.22;
 /// Smallest length of an edge, divided by the length of the suggested line.
 const MIN_LENGTH_REL: f64 = 0.2;
-/// Largest angle between an edge and the vertical, in radians. It is generous, because the estimate uses few
-/// lines.
+/// Largest angle between an edge and the vertical, in radians. The limit is generous, because the camera may be
+/// estimated from few lines.
 const MAX_LEAN_RAD: f64 = 0.1;
 /// Largest angle on the floor between an edge and the suggested line, in radians.
 const MAX_DIRECTION_ERROR_RAD: f64 = 0.45;

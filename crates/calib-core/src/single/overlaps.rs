@@ -1,13 +1,13 @@
-//! Overlapping polylines: evidence that is drawn more than once, and its repeat counts.
+//! Overlapping polylines: edges that are annotated more than once, and the repeat counts of their copies.
 //!
 //! Two annotations of the same edge share its errors: if the edge is curved or misplaced, every copy has the
 //! same error. So the copies together count as one. The variance of each copy is multiplied by its repeat
 //! count. The count is 1 plus the fraction of the segment that each other copy covers. A short piece does not
-//! count against a longer line. An unknown of the copies alone, for example their direction or length, is a
-//! single unknown.
+//! count against a longer line. Unknowns of the copies alone, for example the directions of their groups,
+//! together count as one unknown.
 //!
-//! A polyline overlaps another as far as its pieces have both ends within [`MAX_OVERLAP_DISTANCE_PX`] of
-//! pieces of the other. Polylines that are identical bit by bit share one location, which is evaluated once.
+//! A piece overlaps a piece of another polyline if both its ends are within [`MAX_OVERLAP_DISTANCE_PX`] of the
+//! line through the other piece. Polylines that are identical bit by bit share one location, evaluated once.
 //! Pieces are sorted by angle. If one piece overlaps another, the sine of the difference of their angles is
 //! limited. It is at most twice [`MAX_OVERLAP_DISTANCE_PX`] divided by the length of the first piece. So only
 //! few pairs of many lines are compared.
@@ -153,8 +153,8 @@ impl<'a> Overlaps<'a> {
     }
 }
 
-/// Length of the overlap with the polyline at every location, in pixels. Most lengths are zero, so the indices of the
-/// others are listed.
+/// Lengths of the overlaps of one piece or polyline with the polylines at all locations, in pixels. Most lengths are
+/// zero, so the indices of the others are listed.
 struct Lengths {
     /// Length of the overlap at every location, in pixels.
     by_place: Vec<f64>,
@@ -327,16 +327,16 @@ fn common_length(segment: &[[f64; 2]; 2], other: &[[f64; 2]; 2]) -> f64 {
     (a.max(b).min(reach) - a.min(b).max(0.0)).max(0.0)
 }
 
-/// Repeat counts of segments that are drawn more than once.
+/// Repeat counts of segments that are annotated more than once, and the shares of their groups.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Repeats {
     /// Repeat counts by segment, sorted.
     times: Vec<(Source, f64)>,
-    /// Share of each group of directions among all copies of its lines, as pairs of group and share. The pairs are
-    /// sorted by group; shares of 1 are omitted.
+    /// Share that the lines of each direction group have among all their copies, as pairs of group and share. The
+    /// pairs are sorted by group; shares of 1 are omitted.
     directions: Vec<(usize, f64)>,
-    /// Share of each group of lengths among all copies of its segments, as pairs of group and share. The pairs are
-    /// sorted by group; shares of 1 are omitted.
+    /// Share that the segments of each length group have among all their copies, as pairs of group and share. The
+    /// pairs are sorted by group; shares of 1 are omitted.
     lengths: Vec<(usize, f64)>,
 }
 
@@ -365,14 +365,14 @@ impl Repeats {
         found.map_or(1.0, |at| self.times[at].1)
     }
 
-    /// Returns the share of a group of directions among all copies of its lines, at most 1. Two groups with the same
-    /// lines have a share of 1/2 each: their directions count as one unknown together.
+    /// Returns the share that the lines of a direction group have among all their copies, at most 1. Two groups with
+    /// the same lines have a share of 1/2 each: their directions count as one unknown together.
     pub(crate) fn share_of_direction(&self, group: usize) -> f64 {
         share(&self.directions, group)
     }
 
-    /// Returns the share of a group of lengths among all copies of its segments. It is the fraction of one
-    /// unknown that the length of the group counts as.
+    /// Returns the share that the segments of a length group have among all their copies. The length of the group
+    /// counts as this fraction of one unknown.
     pub(crate) fn share_of_length(&self, group: usize) -> f64 {
         share(&self.lengths, group)
     }

@@ -19,10 +19,10 @@ pub(super) struct Pose {
     pub(super) centre: [f64; 3],
 }
 
-/// Returns the poses from which three points in the `world`, in metres, are at the `rays` in camera axes, of
-/// any length. Empty for collinear points.
+/// Returns the camera poses in which the three `world` points, in metres, are on the `rays`. The rays are in
+/// camera axes, with any length. Empty for collinear points.
 ///
-/// A double root that noise has made complex is returned as its real part: the poses are starts of a
+/// If noise makes a double root complex, its real part is used, because the poses are only starts of a
 /// refinement.
 pub(super) fn p3p(rays: &[[f64; 3]; 3], world: &[[f64; 3]; 3]) -> Vec<Pose> {
     let rays = rays.map(|ray| Vector3::from(ray).normalize());
@@ -70,7 +70,7 @@ pub(super) fn p3p(rays: &[[f64; 3]; 3], world: &[[f64; 3]; 3]) -> Vec<Pose> {
 /// Returns the axes of a triangle as columns: along its first side, across in its plane, and normal to it.
 /// `None` for a triangle without area.
 fn frame([a, b, c]: &[Vector3<f64>; 3]) -> Option<Matrix3<f64>> {
-    /// Least area of the triangle, relative to the product of two sides.
+    /// Smallest sine of the angle between the two sides from the first corner.
     const MIN_SINE: f64 = 1e-9;
     let (along, other) = (b - a, c - a);
     let normal = along.cross(&other);
@@ -121,7 +121,7 @@ fn real_roots([c0, c1, c2, c3, c4]: [f64; 5]) -> Vec<f64> {
 /// bracket is replaced by a bisection.
 fn positive_root([c0, c1, c2]: [f64; 3]) -> f64 {
     const MAX_STEPS: usize = 100;
-    // Fujiwara's bound of the roots.
+    // Fujiwara's upper bound on the roots.
     let (mut low, mut high) = (0.0, 2.0 * c0.abs().cbrt().max(c1.abs().sqrt()).max(c2.abs()));
     let mut x = high;
     for _ in 0..MAX_STEPS {
@@ -141,7 +141,8 @@ fn positive_root([c0, c1, c2]: [f64; 3]) -> f64 {
     x
 }
 
-/// Returns a root of `v^4 + a v^3 + b v^2 + c v + d` after Newton steps that reduce the value.
+/// Refines a root of `v^4 + a v^3 + b v^2 + c v + d` by Newton steps. Steps that do not reduce the absolute value of
+/// the polynomial are omitted.
 fn polished(mut v: f64, [d, c, b, a]: [f64; 4]) -> f64 {
     let value = |v: f64| (((v + a) * v + b) * v + c) * v + d;
     for _ in 0..2 {

@@ -50,8 +50,8 @@ impl PlanePrior {
         [[1.0, 0.0, 0.0], [0.0, x, y], [0.0, -y, x]]
     }
 
-    /// Returns the root mean square of the slope in an unknown direction, as for a camera without a pose: in
-    /// rise per metre.
+    /// Returns the root mean square of the slope in an unknown direction, in rise per metre. A camera without a
+    /// pose has an unknown direction.
     pub(crate) fn slope_in_any_direction(&self) -> f64 {
         let [x, y] = self.plane.slope;
         let [_, along, across] = self.sigma;
@@ -111,7 +111,7 @@ impl FittedCoefficients {
     }
 }
 
-/// Orientation and focal length that stage 1 estimates, by either method.
+/// Orientation and focal length of a camera, the result of stage 1.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Orientation {
     /// Roll, in radians.
@@ -131,7 +131,8 @@ pub struct FixedParameters {
     pub pitch: Option<f64>,
     /// Focal length, in pixels.
     pub focal: Option<f64>,
-    /// Height, in metres; the paper's method uses it without change.
+    /// Height, in metres. The paper's method never estimates the height; it assumes the height of stage 1 if this
+    /// value is `None`.
     pub height: Option<f64>,
 }
 
@@ -160,12 +161,12 @@ pub struct Priors {
     pub weak_log_focal: Option<Prior>,
 }
 
-/// Standard deviation of the principal point of a fisheye from the image centre, as a fraction of the image
-/// diagonal. Sensors of small fisheyes are some percent off the lens axis.
+/// Standard deviation of each coordinate of a fisheye's principal point from the image centre, as a fraction of
+/// the image diagonal. Sensors of small fisheyes are some percent off the lens axis.
 const FISHEYE_SIGMA_PER_DIAGONAL: f64 = 0.02;
 
-/// Standard deviation of the principal point of a fisheye from the centre of the image circle, as a fraction
-/// of its radius. The rim is produced by a stop or the mount, which is slightly off the lens axis.
+/// Standard deviation of each coordinate of a fisheye's principal point from the centre of the image circle, as
+/// a fraction of the circle's radius. A stop or the mount, slightly off the lens axis, produces the rim.
 const FISHEYE_SIGMA_PER_RADIUS: f64 = 0.01;
 
 /// Standard deviation of each coordinate of the principal point from the image centre, as a fraction of the

@@ -1,8 +1,8 @@
-//! Camera relative to a plane: an annotation on a plane equals an annotation on the floor of a camera with
+//! Camera relative to a plane: an annotation on a plane equals an annotation on the floor for a camera with
 //! another pose.
 //!
-//! The other camera has roll, pitch and height relative to the plane, and verticals that lean against the
-//! normal of the plane. So no formula for the floor is duplicated.
+//! The other camera has roll, pitch and height relative to the plane. Its verticals lean relative to the normal
+//! of the plane. So the formulas for the floor also apply to planes and are not duplicated.
 //!
 //! In unrolled axes, with the pitch p, up is `(0, -cos p, -sin p)` and ahead on the floor is
 //! `(0, -sin p, cos p)`. The plane rises by s to the right and by t ahead. Its normal is

@@ -31,8 +31,8 @@ const STEEP_PITCH_COS: f64 = 0.5;
 /// Up to 45 degrees of roll, the camera rotated by 180 degrees is ruled out.
 pub(crate) const MIN_COST_DIFFERENCE: f64 = 14.0;
 
-/// Returns minus twice the log prior probability of a camera, from its roll and pitch, and from the drawn
-/// field of view on the floor, `efov`, which may be empty.
+/// Returns minus twice the log prior probability of a camera, up to a constant. It depends on roll, pitch and the
+/// annotated field of view on the floor, `efov`, which may be empty.
 ///
 /// If a camera looks along the vertical, roll and yaw are interchangeable, so roll has no cost.
 pub(crate) fn implausibility(camera: &Camera, efov: &[Pixel]) -> f64 {
@@ -43,8 +43,8 @@ pub(crate) fn implausibility(camera: &Camera, efov: &[Pixel]) -> f64 {
     of_roll + of_pitch + NO_FLOOR_COST * fraction_without_floor(camera, efov)
 }
 
-/// Returns the fraction of the corners of the drawn field of view that are not on the floor; 0 if none was
-/// drawn.
+/// Returns the fraction of the corners of the annotated field of view that are not on the floor; 0 if no field
+/// of view is annotated.
 fn fraction_without_floor(camera: &Camera, efov: &[Pixel]) -> f64 {
     if efov.is_empty() || !efov_on_floor(camera, efov).clipped {
         return 0.0;

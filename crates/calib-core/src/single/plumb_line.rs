@@ -1,5 +1,5 @@
 //! Distortion from polylines along edges that are straight in space: the plumb-line method (Brown 1971,
-//! "Close-Range Camera Calibration"). It runs first, because every constraint of stage 1 is undistorted.
+//! "Close-Range Camera Calibration"). The fit runs first, because stage 1 uses undistorted points.
 //!
 //! The residual of a point is its distance from the best line through its undistorted polyline, measured in
 //! raw pixels: `(n . U(p) - c) / |J' n|`. U is the undistortion, J its derivative at the point, and
@@ -40,8 +40,8 @@ pub struct LensFit {
     pub straightness: [f64; 2],
     /// Root mean square deviation of every polyline from a straight line, in raw pixels.
     pub residuals: Vec<(Source, f64)>,
-    /// Fitted parameters, in the order of [`Lens::PARAMETERS`]. The fitted parameters are the coefficients,
-    /// and the focal length and principal point of a fisheye unless they are given.
+    /// Whether each parameter is fitted, in the order of [`Lens::PARAMETERS`]. The fitted parameters are the
+    /// coefficients, and the focal length and principal point of a fisheye unless they are fixed.
     pub free: [bool; Lens::PARAMETERS],
     /// Covariance of the parameters; zero for parameters that are not fitted.
     pub covariance: [[f64; Lens::PARAMETERS]; Lens::PARAMETERS],
@@ -73,7 +73,7 @@ pub struct LensOptions {
     pub circle: Option<ImageCircle>,
     /// Coefficients to fit; selected by the evidence if absent.
     pub fitted: Option<FittedCoefficients>,
-    /// Focal length of the coefficients, in pixels, for a model with its own; fitted if absent.
+    /// Focal length of a model that has its own, in pixels. The coefficients refer to it. Fitted if absent.
     pub focal: Option<f64>,
     /// Standard deviation of an annotated coordinate, in pixels.
     pub sigma: f64,
@@ -203,7 +203,8 @@ impl<'a> FittedModel<'a> {
         Some(Self::of(problem, values))
     }
 
-    /// Whether the fisheye model should be tried.
+    /// Whether the fisheye model should be tried: the redundancy is sufficient, and either an image circle is
+    /// known or this model misfits.
     fn may_be_fisheye(&self, redundancy: i64, options: &LensOptions) -> bool {
         let dof = redundancy - self.values.len() as i64;
         let is_bent_otherwise = || is_misfit(self.cost / (options.sigma * options.sigma), dof);
@@ -279,7 +280,7 @@ fn select_model<'a>(
     best
 }
 
-/// Returns the variance of an annotated coordinate, in square pixels: the given one, or a larger one estimated
+/// Returns the variance of an annotated coordinate, in square pixels: the assumed one, or a larger one estimated
 /// from the edges.
 ///
 /// Models are compared in units of this variance (overdispersion, Burnham and Anderson 2002, section 2.5).

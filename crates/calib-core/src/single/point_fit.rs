@@ -3,13 +3,13 @@
 //! The residuals are the reprojection errors of the points in raw pixels, in standard deviations, and the
 //! priors. Seven parameters are estimated: position, yaw, pitch, roll and log focal length.
 //!
-//! 1. **Starts.** Triples of points give poses by P3P, at every focal length of a geometric sequence if it is
-//!    not known.
+//! 1. **Starts.** Triples of points give poses by P3P. If the focal length is not fixed, its values are a
+//!    geometric sequence, or values around its prior.
 //! 2. **Consensus.** The starts with the least `sum of ln(1 + e^2 / s^2)` are refined with weights `1 / (1 +
 //!    e^2 / s^2)` (Cauchy's loss, iteratively reweighted), so that wrong points have little influence
 //!    (Fischler and Bolles 1981 for the idea of minimal samples).
-//! 3. **Minima.** Points beyond the limit for inliers are outliers, if the others are redundant. The rest is
-//!    refined by least squares. Every distinct minimum is kept.
+//! 3. **Minima.** Points beyond the limit for inliers are outliers, if the others are redundant. The camera is
+//!    then refined by least squares from the inliers. Every distinct minimum is a candidate.
 //!
 //! Four points of a plane determine the focal length if the plane is not parallel to the image (Zhang 2000,
 //! section 3.1). Three points determine the pose up to four solutions if the focal length is known.
@@ -89,8 +89,8 @@ struct Minimum {
 }
 
 impl PointFit {
-    /// Computes the fit. Returns `None` for fewer than three points, for collinear points, and if no pose
-    /// shows all three points of any triple.
+    /// Computes the fit. Returns `None` for fewer than three points, for collinear points, and if no triple of
+    /// points has a pose.
     #[must_use]
     pub fn new(points: &[ControlPoint], options: &PointFitOptions) -> Option<Self> {
         /// Number of starts that are refined.
@@ -261,7 +261,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Returns the standard deviation of a coordinate of a reprojection error, in raw pixels. It combines the
-    /// noise of the pixel and the uncertainty of the position of the point, seen from its distance.
+    /// noise of the pixel with the uncertainty of the point's position, projected into the image.
     fn sigma(&self, camera: &Camera, index: usize) -> f64 {
         let of_position = self.options.position_sigmas.get(index).map_or(0.0, |sigma| {
             sigma * camera.focal / camera.position.distance(self.points[index].world).max(1e-3)
@@ -276,7 +276,7 @@ impl<'a> Problem<'a> {
 
     /// Returns the loss of [`Self::loss`]; `None` if it is not below `limit`.
     fn loss_below(&self, camera: &Camera, limit: f64) -> Option<f64> {
-        /// Loss of a point that the camera does not show: an error of a million scales.
+        /// Largest loss of a point, also of a point that the camera does not show: an error of a million scales.
         const HIDDEN: f64 = 28.0;
         let usual = weak_prior(self.options.size[0]);
         let of_focal =
@@ -314,7 +314,7 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Returns the residuals of the priors with the index and derivative of their parameter.
+    /// Returns the residual of each prior, the index of its parameter, and the derivative with respect to it.
     fn prior_residuals(&self, state: &State) -> impl Iterator<Item = (f64, usize, f64)> {
         let Priors { roll, pitch, focal, height, .. } = self.options.priors;
         let angle = |prior: Option<Prior>, index: usize| {
@@ -334,7 +334,7 @@ impl<'a> Problem<'a> {
         all.into_iter().flatten().filter(move |(_, index, _)| free[*index])
     }
 
-    /// Returns the number of residuals of the points with weight and of the priors, minus the parameters.
+    /// Returns the number of residuals of the points with weight and of the priors, minus the free parameters.
     fn dof(&self) -> i64 {
         let points = self.weights.iter().filter(|&&weight| weight > 0.0).count();
         let priors = self.prior_residuals(&[0.0; POSE_PARAMS]).count();
@@ -342,7 +342,7 @@ impl<'a> Problem<'a> {
         2 * points as i64 + priors as i64 - unknowns as i64
     }
 
-    /// Returns the robust minimum reached from a start. Returns `None` if it is one of `known`.
+    /// Returns the robust minimum reached from a start. `None` if it is one of `known`, or if a step fails.
     fn consensus(&self, start: &Camera, known: &[Camera]) -> Option<Camera> {
         /// Number of reweighted minimisations, and of steps in each.
         const ROUNDS: usize = 6;
@@ -370,7 +370,7 @@ impl<'a> Problem<'a> {
     fn minimum(&self, camera: &Camera) -> Option<Minimum> {
         /// Largest error of an inlier, in scales of the loss.
         const MAX_INLIER_SCALES: f64 = 3.0;
-        /// Least redundancy of the inliers: fewer points always nearly agree.
+        /// Least redundancy of the inliers: with less redundancy, even a wrong camera nearly fits the points.
         const MIN_REDUNDANCY: i64 = 3;
         let rotation = camera.rotation();
         let is_inlier = |i: usize| self.scaled_error(camera, &rotation, i) <= MAX_INLIER_SCALES;
@@ -397,7 +397,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Returns the least-squares minimum of the points with weight. The weak prior on the focal length is
-    /// added if they do not determine it.
+    /// added if the points do not determine the focal length and no other prior is given.
     fn converged(&mut self, start: &Camera, outliers: Vec<usize>) -> Option<Minimum> {
         const STEPS: usize = 60;
         let log_focal_sigma = |covariance: Option<Square>| {
@@ -531,10 +531,10 @@ fn solve_normal_equations(square: &Square, gradient: &Column, free: &[bool; POSE
     std::array::from_fn(|k| step[k])
 }
 
-/// Returns triples of points with a large triangle in the image: of all triples, or of a random sample of
-/// them.
+/// Returns the triples of points with the largest triangles in the image. They are selected from all triples, or
+/// from a random sample.
 fn triples(points: &[ControlPoint], observed: &[Option<ObservedPixel>]) -> Vec<[usize; 3]> {
-    /// Number of triples. With a third of the points wrong, one of 24 is right with a probability of 99.98 %.
+    /// Number of triples. If a third of the points is wrong, at least one triple is right with 99.98 % probability.
     const MAX_TRIPLES: usize = 24;
     /// Number of sampled triples. The half with the larger triangles in the image is used.
     const SAMPLED: usize = 2 * MAX_TRIPLES;

@@ -6,12 +6,12 @@
 //! `radius' = radius (1 + k1 radius^2 + k2 radius^4)`
 //!
 //! is searched before points are rejected, with coordinates divided by half the image diagonal. The criterion
-//! is Cauchy's loss of all points, see [`PointFit`], and of k1 and k2 by the priors of a lens fit: k2 is
-//! expected at `min(k1, 0)^2`. An error of e standard deviations adds about `e^2 / 9` to the loss.
+//! is Cauchy's loss of all points, see [`PointFit`], plus a loss for k1 and k2 from the priors of a lens fit.
+//! The expected k2 is `min(k1, 0)^2`. An error of e standard deviations adds about `e^2 / 9` to the loss.
 //!
 //! 1. A grid of k1, with k2 at its expected value, and a complete search for the camera at each lens.
 //! 2. Golden-section searches from the best lens, alternately along k1 and along a direction that changes the
-//!    radius only near the corners. The camera starts at the best one.
+//!    radius mainly near the corners. Each camera fit starts from the best camera so far.
 //!
 //! The joint solve then estimates k1 and k2 with their priors.
 
@@ -37,15 +37,16 @@ const SHRINKAGE: f64 = 0.4;
 const STEPS: usize = 8;
 /// Least decrease of the loss by the lens that counts as evidence: a chi-square of 10, as for straight edges.
 const MIN_GAIN: f64 = 10.0 / 9.0;
-/// Least redundancy of the points without the lens. A lens has two coefficients.
+/// Least redundancy of all points, and of the inliers of the result, before the two coefficients of the lens are
+/// subtracted.
 const MIN_DOF: i64 = 5;
 
-/// Camera from control points with a lens.
+/// Candidate lens, and the camera that is fitted to the control points under this lens.
 struct Candidate {
     /// Coefficients k1 and k2.
     k: [f64; 2],
     fit: PointFit,
-    /// Cauchy's loss of the points and of the coefficients.
+    /// Cauchy's loss of the points, plus the loss for the coefficients.
     loss: f64,
 }
 
@@ -57,7 +58,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Returns the best candidate: of a grid, then refined along both directions.
+    /// Returns the best candidate of the grid, refined along both directions.
     fn best(&self) -> Option<Candidate> {
         let [low, high] = RANGE;
         let step = (high - low) / f64::from(INTERVALS);
@@ -72,7 +73,8 @@ impl Search<'_> {
         Some(best)
     }
 
-    /// Fits the camera under a lens, from the camera of another candidate if there is one.
+    /// Fits the camera under the lens with the coefficients `k`. The fit starts from the camera of `start`; without
+    /// it, the search is complete.
     fn candidate(&self, k: [f64; 2], start: Option<&Candidate>) -> Option<Candidate> {
         let [k1, k2] = k;
         let [width, height] = self.options.size;

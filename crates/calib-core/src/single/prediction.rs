@@ -20,7 +20,8 @@ use crate::single::residual::Parameters;
 use crate::single::size_residual::{CameraTerms, floor_length, upright_residuals};
 
 impl Problem<'_> {
-    /// Returns the predicted chi-square of the rest without each constraint, at a minimum.
+    /// Returns, for each constraint, the predicted chi-square of all others if this constraint is left out.
+    /// `minimum` is the minimum with all constraints.
     pub(crate) fn chi2_without(&self, minimum: &State) -> HashMap<Source, f64> {
         let mut by_source: HashMap<Source, Vec<(Dual, NuisanceJacobian)>> = HashMap::new();
         let found = self.each_residual(minimum, |residual: Dual, nuisance, source| {
@@ -105,8 +106,8 @@ pub fn residuals_of_stored(constraints: &Constraints, stored: &StoredCamera) -> 
     found.and_then(|found| everything.residuals_in_pixels(&found.state)).unwrap_or_default()
 }
 
-/// Returns the constraints that have a prediction at these parameters: no length above the horizon, no head
-/// behind the camera.
+/// Returns the constraints that have a prediction at these parameters. Lengths above the horizon, heads behind
+/// the camera, and annotations on planes above the camera have no prediction.
 pub(crate) fn predictable(constraints: &Constraints, parameters: &Parameters) -> Constraints {
     let mut constraints = constraints.clone();
     let nuisance = vec![0.0; Nuisances::new(&constraints).count()];

@@ -56,7 +56,8 @@ pub(crate) const LOG_FOCAL: usize = 2;
 /// Index of the log height in [`Parameters`].
 pub(crate) const LOG_HEIGHT: usize = 3;
 
-/// Lean of the verticals against the normal of the floor: to the right, and away from the camera, in radians.
+/// Lean of the verticals relative to the normal of the floor: to the right, and away from the camera, in
+/// radians.
 pub(crate) type Tilt = [f64; 2];
 
 /// Index of the first tilt among the derivatives of a residual, after the core parameters.

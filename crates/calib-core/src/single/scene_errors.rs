@@ -41,7 +41,7 @@ pub struct SceneErrors {
     /// components, along and across the view.
     pub floor_tilt: f64,
     /// Standard deviation of the floor's slope across marks of equal length, in radians, in addition to
-    /// `floor_tilt`. The slope along the marks has a quarter of it.
+    /// `floor_tilt`. The slope along the marks has a quarter of this standard deviation.
     pub crossfall: f64,
     /// Standard deviation of a right angle from 90 degrees, in radians.
     pub angle: f64,

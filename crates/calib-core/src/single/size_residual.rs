@@ -272,7 +272,7 @@ impl<N: Number> CameraTerms<N> {
         if depth.value() <= 1e-6 * f.value() {
             return None;
         }
-        // Upward direction as a bearing, per D; the head is the foot plus k times it.
+        // Upward direction as a bearing; the head is the foot plus k times this direction.
         let (up_y, up_w) = (cp + ahead * sp, sp - ahead * cp);
         let up = [cr * right - sr * up_y, -(sr * right) - cr * up_y, -(up_w / f)];
         let per_depth = per_height * upright.height.value;

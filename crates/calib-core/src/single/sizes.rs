@@ -30,7 +30,7 @@ impl<E: Number> Problem<'_, E> {
             let (residual, nuisance) = self.length(state, &at, &frame.parameters, length)?;
             let (mut gradient, jacobian) =
                 frame.propagated(&residual.gradient(), DistanceKind::OnPlane, &nuisances);
-            // The log length of the group is in units of the height above the floor.
+            // The length of the group is in units of the camera's height above the floor.
             nuisance.entries().iter().for_each(|(_, by_length)| gradient[LOG_HEIGHT] += by_length);
             sink(residual.with_gradient(gradient), nuisance.with_all(&jacobian), Some(length.source));
         }
@@ -97,8 +97,8 @@ impl<E: Number> Problem<'_, E> {
         Some(())
     }
 
-    /// Returns the sum of the log determinants of the covariances of the predicted heads of all uprights on
-    /// the floor. `None` if one of the heads has no prediction.
+    /// Sums the log determinant of the covariance of the predicted head over all uprights on the floor. `None` if
+    /// a head has no prediction.
     pub(super) fn log_spread_of_uprights<N: NumberOver<E>>(&self, at: &CameraTerms<N>) -> Option<f64> {
         let on_floor = self.uprights().filter(|upright| upright.plane.is_none());
         let each = on_floor.map(|upright| {

@@ -42,8 +42,8 @@ pub fn outermost<'a>(points: impl Iterator<Item = &'a Pixel>, centre: Pixel) -> 
     points.copied().max_by(|a, b| a.distance(centre).total_cmp(&b.distance(centre)))
 }
 
-/// Returns the repeat count of every edge. Residuals are divided by its square root, so that the copies
-/// together count as one edge (`overlaps.rs`).
+/// Returns the repeat count of every edge. Residuals are divided by the square root of the count, so that the
+/// copies together count as one edge (`overlaps.rs`).
 pub(crate) fn repeat_counts<'a>(edges: impl Iterator<Item = &'a Edge>) -> Vec<f64> {
     let points = |edge: &Edge| edge.points.iter().map(|&point| <[f64; 2]>::from(point)).collect();
     Overlaps::new(&edges.map(points).collect::<Vec<_>>()).repeat_counts()
@@ -130,8 +130,8 @@ impl UndistortedPolyline {
         let second = BestLine::through(&points, &by_first);
         let by_second = weights_of(&second);
         let third = BestLine::through(&points, &by_second);
-        // The sign must not change with the coefficients: positive is left of the direction from the first to
-        // the last point.
+        // The sign must not change with the coefficients, so it is defined by the direction from the first to
+        // the last point; see `sign`.
         let ([x, y], (start, end)) = (third.normal, (points.first()?, points.last()?));
         let sign = if x * (start[1] - end[1]) + y * (end[0] - start[0]) < 0.0 { -1.0 } else { 1.0 };
         let (lines, weights) = ([first, second, third], [uniform, by_first, by_second]);
@@ -169,7 +169,8 @@ impl UndistortedPolyline {
         (0..self.points.len()).map(derivative).collect()
     }
 
-    /// Computes the change of the weights with the previous line, `d w = -2 w^2 (J' n) . d(J' n)`.
+    /// Computes the derivatives of the weights of a fit, `d w = -2 w^2 (J' n) . d(J' n)`. `[dx, dy]` is the
+    /// derivative of the normal of the previous line.
     fn change_weights(
         &self,
         step: usize,
@@ -224,7 +225,7 @@ impl BestLine {
         Self { normal, offset, total, mean, moments: [sine, cosine] }
     }
 
-    /// Returns the derivatives of normal and offset with respect to changes of the points and their weights.
+    /// Returns the derivatives of normal and offset, computed from the derivatives of points and weights.
     fn derivative(
         &self,
         points: &[[f64; 2]],
@@ -293,7 +294,7 @@ pub(crate) fn uninformative(edges: &[&Edge], lens: &Lens, size: [f64; 2], sigma:
     let brown = |k1: f64| Distortion::BrownConrady(BrownConrady { k1, ..BrownConrady::default() });
     let extra = Lens { focal: half_diagonal, distortion: brown(-k1), ..*lens };
     let bend = |edge: &Edge| {
-        // Largest sagitta of the edge under the additional distortion.
+        // Sagitta of the edge under the additional distortion; infinite if a point has no undistorted position.
         let points: Vec<[f64; 2]> =
             edge.points.iter().filter_map(|&p| extra.undistort(p)).map(|p| [p.u, p.v]).collect();
         let plain: Vec<[f64; 2]> = edge.points.iter().map(|p| [p.u, p.v]).collect();

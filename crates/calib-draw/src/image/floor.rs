@@ -33,8 +33,8 @@ pub(super) fn onto_plane(line: &[WorldPoint], plane: &Plane) -> Polyline {
     line.iter().map(|&at| WorldPoint { z: at.z + plane.height_at(at.on_floor()), ..at }).collect()
 }
 
-/// Returns the grid inside the solved EFOV, on its plane; `step` is the distance of its lines in
-/// metres.
+/// Returns the grid inside the solved EFOV, on the plane of the EFOV; `step` is the distance between the grid
+/// lines, in metres.
 pub(super) fn grid(view: &ImageView, step: f64) -> Vec<Item<Pixel>> {
     let Some((camera, solution)) = view.solved() else { return Vec::new() };
     let (mut items, plane) = (Vec::new(), view.efov_plane(view.camera));

@@ -39,8 +39,8 @@ fn horizon_label(items: &[Item<Pixel>], [w, h]: [f64; 2], scale: f64) -> Option<
 
 /// Number of grid columns across the middle of the image.
 const GRID_COLUMNS: f64 = 12.0;
-/// Largest side of a grid cell, in image widths. The undistorted plane of a fisheye is unbounded; the limit
-/// keeps grid lines in the middle.
+/// Largest side of a grid cell, in image widths. Strong distortion makes the undistorted plane very large; the
+/// limit ensures enough grid lines in the middle of the image.
 const MAX_CELL_REL: f64 = 1.0 / 8.0;
 /// Largest distance of grid lines from the principal point on the undistorted plane, in image widths.
 const MAX_EXTENT_REL: f64 = 1.5;
@@ -63,7 +63,7 @@ fn fisheye_grid(lens: &Lens, size: [f64; 2]) -> Vec<Vec<Pixel>> {
         let [x, _, w] = lens.bearing(Pixel::new(size[0] * f64::from(i) / 32.0, lens.principal_point.v))?;
         Some((x / lens.focal).atan2(w).abs())
     });
-    // The columns are at most `GRID_COLUMNS`, in round angular steps.
+    // The smallest round angular step with at most `GRID_COLUMNS` columns, otherwise the largest round step.
     let side = across.fold(0.0, f64::max).to_degrees();
     let step: f64 =
         [5.0, 10.0, 15.0].into_iter().find(|step| 2.0 * side <= GRID_COLUMNS * step).unwrap_or(15.0);
@@ -92,7 +92,7 @@ fn fisheye_grid(lens: &Lens, size: [f64; 2]) -> Vec<Vec<Pixel>> {
 }
 
 /// Returns the largest angle between grid lines and the axis of a fisheye lens, in radians. It is the angle
-/// at the rim of the image circle if this circle lies inside the image; otherwise it is unlimited.
+/// at the rim of the image circle if this circle is inside the image; otherwise it is unlimited.
 fn max_grid_angle(lens: &Lens, size: [f64; 2]) -> f64 {
     /// Smallest angle at the rim of an image circle inside the image, in degrees. A lens with a smaller angle
     /// at the sides of its image has a larger one in the corners.

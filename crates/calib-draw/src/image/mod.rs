@@ -1,7 +1,7 @@
 //! Overlays of a camera's image, in raw pixels.
 //!
-//! Geometry outside the image is kept, because a canvas may be larger than the image. Geometry outside the
-//! camera's view or its lens model is omitted. The files: `annotation` for lines and control points, `floor`
+//! Geometry outside the image is not clipped, because a canvas may be larger than the image. Geometry outside
+//! the camera's view or its lens model is omitted. The files: `annotation` for lines and control points, `floor`
 //! for grid, planes and fields of view, `horizon` for horizon and lens grid, `mark` for marks and links.
 
 mod floor;

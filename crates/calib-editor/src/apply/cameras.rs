@@ -1,6 +1,6 @@
 //! Actions on the list of cameras and on their images: select, add, replace, rename, remove.
 //!
-//! Also the results of comparisons with newer images, and cameras that are recovered from newer images.
+//! The file also stores comparisons with newer images, and applies recoveries of cameras from newer images.
 
 use calib_site::{LensEntry, PixelAspectEntry, Recovered, Site, SiteCamera, counted};
 

@@ -1,6 +1,6 @@
-//! Actions on the placements of cameras and on the floor plan.
+//! Actions on the placements of cameras, on the floor plan, and on planes other than the floor.
 //!
-//! Also planes other than the floor: add, rename, change, and assign annotations to them.
+//! Planes are added, renamed, changed and deleted, and annotations are assigned to them.
 
 use calib_core::floor::STAGE_1_HEIGHT;
 use calib_core::single::Known;

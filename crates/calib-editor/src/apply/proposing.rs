@@ -81,7 +81,7 @@ impl Editor {
     }
 
     /// Applies a command to the automatic calibration of the selected camera. A command for one group applies to the
-    /// group of the selected line, otherwise to the group that reduces the floor error most.
+    /// group of the selected line, otherwise to the group to decide first ([`crate::Preview::next`]).
     pub(super) fn proposing(&mut self, command: Proposing) {
         let mut group = || self.selected_group();
         let action = match command {

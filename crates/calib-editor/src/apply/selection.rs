@@ -1,6 +1,6 @@
 //! Actions on selected parts: select, delete, duplicate, switch on or off, move onto edges, nudge.
 //!
-//! Also the current tool and the current gesture.
+//! The file also contains the actions on the current tool and the current gesture.
 
 use std::collections::BTreeSet;
 
@@ -182,8 +182,8 @@ impl Editor {
         session.commit(format!("duplicate {name}"));
     }
 
-    /// Applies `change` to the flags `off` and `keep` of every selected annotation, control point, link and mark. An
-    /// annotation with several selected parts is changed only once. `name` is the name of the undo step.
+    /// Applies `change` to the flags `off` and `keep` of every selected annotation, control point, link and mark,
+    /// once for each. Uprights without an entered height stay unchanged. `name` is the name of the undo step.
     fn change_flags(&mut self, parts: &BTreeSet<Part>, name: &str, change: impl Fn(&mut bool, &mut bool)) {
         let (mut seen, mut waits) = (BTreeSet::new(), false);
         let site = &mut self.session.site;

@@ -1,6 +1,6 @@
 //! Actions on the whole document: open, save, attach images, import from other programs.
 //!
-//! Also changes of links, marks, distances and control points in the tables of the app.
+//! The file also applies changes of links, marks, distances and points in the tables of the app.
 
 use std::path::PathBuf;
 

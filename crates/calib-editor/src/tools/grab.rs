@@ -27,7 +27,7 @@ pub(super) struct Grab {
 }
 
 impl Grab {
-    /// Returns the grab of the line point under a press on an image; `None` if there is none.
+    /// Returns the grab of the line point under a press on an image; `None` if no point is near the press.
     pub(super) fn start(session: &Session, pointer: &Pointer) -> Option<Self> {
         let (camera, from) = pointer.pixel()?;
         let part = hit::line_point(&session.site, camera, from, pointer.radius)?;

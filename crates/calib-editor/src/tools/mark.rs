@@ -83,7 +83,7 @@ fn pinned_position(session: &Session, index: usize) -> Option<([f64; 2], f64)> {
     Some(([placement.by.x, placement.by.y].map(rounded), rounded(placement.turn.to_degrees())))
 }
 
-/// Whether a mark is at the position that its pins determine. Also true if they determine no position.
+/// Whether a mark is at the position that its pins determine. Also true if the pins determine no position.
 pub(crate) fn is_on_pins(session: &Session, index: usize) -> bool {
     /// Largest distance from the pins, in metres: positions are rounded to millimetres.
     const MAX_DISTANCE_M: f64 = 0.005;
