@@ -175,7 +175,7 @@ fn latest_newer_image_is_kept_in_any_order_of_comparison() {
     compared(&mut editor, 0, "earlier.png", "2026-06-10T09:00:00Z");
     assert_eq!(shown(&editor, 0), Some("june.png"));
     let note = editor.session().note.clone().unwrap();
-    assert!(note.contains("The newer image june.png was kept"), "{note}");
+    assert!(note.contains("earlier.png was ignored, because it is older than june.png"), "{note}");
     compared(&mut editor, 0, "july.png", "2026-07-01T09:00:00Z");
     assert_eq!(shown(&editor, 0), Some("july.png"));
     compared(&mut editor, 0, "undated.png", "");
