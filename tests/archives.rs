@@ -33,7 +33,7 @@ fn camera(index: usize) -> Camera {
     Camera { position, yaw: 0.3 * index as f64, ..camera }
 }
 
-/// Returns cameras a, b and c, with one lens of each kind.
+/// Returns a site with the cameras a, b and c, which have the lenses of `LENSES`.
 fn site() -> Site {
     let cameras = ["a", "b", "c"].iter().enumerate().map(|(i, id)| entry(id, &camera(i))).collect();
     Site { cameras, ..Site::new() }
@@ -310,7 +310,7 @@ fn foot_is_the_middle_of_the_lower_edge_and_the_pixel_origin_is_respected() {
     assert_eq!(floor(&["-i", "boxes.csv", "--columns", "boxes"]), points);
     assert_eq!(floor(&["-i", "centres.csv", "--pixel-origin", "centre"]), points);
     scratch.calib(&project(&["--camera", "b", "-i", "boxes.csv", "--columns", "points"])).expect_code(3);
-    // If both are present, `auto` selects the points.
+    // If points and boxes are present, `auto` selects the points.
     scratch.write("both.csv", "x,y,w,h,u,v\n0,0,9,9,920,620\n0,0,9,9,130.25,900\n");
     assert_eq!(floor(&["-i", "both.csv"]), points);
     assert_ne!(floor(&["-i", "both.csv", "--columns", "boxes"]), points);

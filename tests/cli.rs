@@ -509,7 +509,7 @@ fn solving_reports_the_agreement_of_cameras() {
     let worst = &of_site[of_site.find("worst links").unwrap()..of_site.find("more views").unwrap()];
     assert!(!worst.contains("link p4 "), "rejected links are not listed: {worst}");
     assert!(of_site.contains("outlier: Link \"p4\""), "{of_site}");
-    // Only the solutions by id: an id may be any name.
+    // The JSON contains only the solutions by id, because an id may be any name.
     let json = scratch.calib(&["solve", "site.json", "--format", "json"]).expect_code(0).json();
     assert_eq!(json.as_object().unwrap().keys().collect::<Vec<_>>(), ["c0", "c1", "c2"]);
 }

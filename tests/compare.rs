@@ -297,7 +297,7 @@ struct Trial {
     errors: [f64; 4],
     /// Rotation error in degrees, and relative zoom error.
     off: [f64; 2],
-    /// True rotation and zoom in standard deviations: the largest component.
+    /// Largest component of the true rotation and zoom, in standard deviations.
     size: f64,
     /// Squared error divided by the Cramér-Rao bound of the matched edges, mean over the parameters.
     of_bound: f64,
@@ -473,8 +473,8 @@ fn table_of_rotations_and_zooms() {
     }
 }
 
-/// Prints which disturbances cause errors beyond the bound, because they move neighbouring edge points
-/// together.
+/// Prints the errors for different disturbances. A disturbance that moves neighbouring edge points together causes
+/// errors beyond the bound.
 #[test]
 #[ignore = "takes minutes: `cargo xtask accuracy --compare`"]
 fn table_of_correlated_disturbances() {
@@ -512,8 +512,8 @@ fn table_of_correlated_disturbances() {
     }
 }
 
-/// Compares the rotated shop in two ways: its image resampled, as for the street images, and its image
-/// rendered.
+/// Compares the shop with two images of it after a rotation: resampled from the old image, as for the street images,
+/// and rendered.
 fn rotated_shop(all: &[Stills], day: &Day) -> [Row; 2] {
     let shop = all.iter().find(|stills| stills.id == "shop-1").unwrap();
     let (other, larger) = (&all[0].moments[0], &shop.larger[0]);

@@ -48,9 +48,8 @@ fn all_seeing(site: &Site) -> Vec<Seeing> {
 }
 
 impl Seeing {
-    /// Returns the smallest image scale, in pixels per metre, of a stick of 1 cm whose centre is
-    /// `HEIGHT` above `foot`, over all directions across the view. `None` if the camera does not
-    /// see the centre.
+    /// Returns the smallest image scale of a stick of 1 cm, in pixels per metre, over all directions across the view.
+    /// The centre of the stick is `HEIGHT` above `foot`; `None` if the camera does not see it.
     fn density(&self, foot: FloorPoint, walls: &[Wall]) -> Option<f64> {
         const STICK: f64 = 0.01;
         let extent = Extent { size: self.size, efov: &self.efov };
@@ -72,8 +71,8 @@ impl Seeing {
         lengths.reduce(f64::min)
     }
 
-    /// Whether a line of sight passes through a wall: sampled every few millimetres, on which side of the wall
-    /// is it?
+    /// Whether a wall hides the target. The line of sight is sampled every few millimetres, and tested for samples on
+    /// different sides of the wall.
     fn is_hidden(&self, target: WorldPoint, walls: &[Wall]) -> bool {
         const SAMPLES: usize = 4000;
         let eye = self.camera.position;
@@ -262,7 +261,8 @@ fn hand_over_zones_state_how_far_two_cameras_disagree() {
         let [least, most] = [(sigmas[0] - sigmas[1]).abs(), sigmas[0] + sigmas[1]];
         assert!((least..=most * (1.0 + 1e-6)).contains(&worst), "{zone}: {sigmas:?}");
     }
-    // Cameras of one joint solution have common errors, which cancel. Without the joint solution they are unknown.
+    // Cameras of one joint solution have common errors, which cancel. Without the joint solution, the common errors
+    // are unknown.
     let mut stale = site.clone();
     stale.solution = None;
     scratch.write("demo/stale.json", stale.to_json());

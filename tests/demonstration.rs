@@ -32,8 +32,8 @@ fn demonstration_cameras_are_within_their_sigmas() {
     }
 }
 
-/// Asserts that the position of a refined camera is within three standard deviations per axis. A camera that
-/// fixes the frame has none.
+/// Asserts that the position of a refined camera is within three standard deviations per axis. A camera that fixes
+/// the frame has no standard deviations.
 fn assert_within_three_sigmas(id: &str, found: &Camera, truth: &Camera) {
     let (a, b) = (found.position, truth.position);
     for (error, index) in [(a.x - b.x, Covariance::X), (a.y - b.y, Covariance::Y), (a.z - b.z, Covariance::Z)]

@@ -13,7 +13,8 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
-/// Returns camera a with five coefficients, b without distortion, c with the division model.
+/// Returns a site with camera a with five distortion coefficients, b without distortion, and c with the division
+/// model.
 fn site() -> Site {
     let cameras = ["a", "b", "c"].iter().zip(LENSES).map(|(id, distortion)| entry(id, &camera(distortion)));
     Site { cameras: cameras.collect(), ..Site::new() }

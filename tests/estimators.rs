@@ -266,7 +266,7 @@ fn verticals_alone_do_not_determine_the_focal() {
     assert_warns(&solution, Code::PriorDominates);
     let advice = &solution.warnings.iter().find(|w| w.code == Code::FocalUnobservable).unwrap().advice;
     assert!(advice.contains("run away from the camera"), "{advice}");
-    // For comparison: with one group of floor lines more.
+    // With one more group of floor lines, the focal length is determined.
     let floor = studio.parallels(80.0);
     assert_healthy(&solve(studio.site(vec![verticals, floor])), &studio);
 }

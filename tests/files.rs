@@ -64,7 +64,7 @@ fn write_site(scratch: &Scratch, cameras: Vec<SiteCamera>) {
     scratch.write("site.json", Site { cameras, ..Site::new() }.to_json());
 }
 
-/// Returns a JPEG of a grey wall whose header declares a size.
+/// Returns a JPEG of 16 x 16 grey pixels whose header declares the width and height `size`.
 fn jpeg(size: [u16; 2]) -> Vec<u8> {
     let mut bytes = Vec::new();
     let image = image::RgbImage::from_pixel(16, 16, image::Rgb([90, 90, 90]));
@@ -75,7 +75,7 @@ fn jpeg(size: [u16; 2]) -> Vec<u8> {
     bytes
 }
 
-/// Returns a PNG whose header declares a size.
+/// Returns a PNG without image data whose header declares the width and height `side`.
 fn png(side: u32) -> Vec<u8> {
     let chunk = |kind: &[u8; 4], data: &[u8]| {
         let mut crc = u32::MAX;
@@ -343,8 +343,8 @@ fn varint(number: usize) -> Vec<u8> {
     bytes
 }
 
-/// Returns the Parquet file with a new page of its first column. The page declares an unpacked size and a
-/// number of values.
+/// Returns the Parquet file with a new page of its first column. The page contains `packed`, and declares `promised`
+/// unpacked bytes and `values` values.
 fn with_page(whole: &[u8], promised: usize, values: usize, packed: &[u8]) -> Vec<u8> {
     // A data page: its unpacked and its packed size, then its number of values and encodings (plain, RLE,
     // RLE).

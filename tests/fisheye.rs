@@ -151,7 +151,7 @@ fn covariance_of_the_vertical_is_correct_looking_straight_down() {
     const STEP: f64 = 1e-6;
     for off in [0.0, 0.0005, 0.002, 0.01] {
         let mut random = ChaCha8Rng::seed_from_u64(23);
-        // Squared Mahalanobis distance of the two components, by the covariance of pitch and roll.
+        // Squared Mahalanobis distance of the two components, with the covariance of pitch and roll.
         let mut distances: Vec<f64> = (0..TRIALS)
             .map(|_| {
                 let camera = fisheye(&mut random, 185.0, std::f64::consts::FRAC_PI_2 - off);
@@ -321,7 +321,7 @@ fn fisheye_model_is_selected_from_edges() {
         site.cameras[0].lens = None;
         site.cameras[0].annotations[0].kind = Kind::Vertical;
         let edges = site.cameras[0].annotations.clone();
-        // Without a lens in the file, distortion is fitted only if straight edges are drawn.
+        // Without a lens in the file, distortion is fitted only if straight edges are annotated.
         site.cameras[0].annotations.extend(edges.iter().map(|drawn| {
             Annotation::from_segments(Kind::Straight, drawn.segments.clone().unwrap_or_default())
         }));
@@ -357,8 +357,8 @@ fn pixel_outside_the_image_circle_has_no_ray() {
     assert!(camera.lens.principal_point.distance(centre) < 15.0);
 }
 
-/// Returns the root mean square distance in the image between two lenses, over the rays of the pixels of a
-/// disc.
+/// Returns the root mean square distance, in pixels, between the pixels that two lenses give to the same rays. The
+/// rays belong to the pixels of a disc.
 fn rms_distance(one: &Lens, other: &Lens, disc: ImageCircle) -> f64 {
     let across = |i: u32| disc.radius * (f64::from(i) / 40.0 - 1.0);
     let pixels = (0..=80).flat_map(|i| (0..=80).map(move |j| (across(i), across(j))));

@@ -143,7 +143,7 @@ proptest! {
             camera.projection_matrix().concat().iter().map(|v| format!("- {}\n", v * sign)).collect();
         let file = File { name: "yard.yml".into(), bytes: format!("projectionMatrix_3x4_w2p:\n{rows}").into() };
         let back = import(format("nvidia").unwrap(), &[file]).unwrap().site.cameras[0].camera().unwrap();
-        // The fourth column is position times focal length: rounding loses as many digits.
+        // The fourth column is the position times the focal length, so rounding costs more digits.
         prop_assert!(camera_difference(&back, &camera) < 1e-8);
     }
 
@@ -420,7 +420,7 @@ fn published_nvidia_camera_is_read_and_written() {
     let p: Vec<f64> =
         text.lines().skip(1).take(12).map(|l| l.trim_start_matches("- ").parse().unwrap()).collect();
     for (found, published) in p.iter().zip(GOLDEN_P) {
-        // The published rotation has single precision. Making it orthogonal changes it by as much.
+        // The published rotation has single precision. Making it orthogonal causes changes of this size.
         assert!((found - published).abs() < 1e-6 * (1.0 + published.abs()), "{found} {published}");
     }
     assert!(text.contains("modelInfo:\n  - classID: 0\n"));
@@ -716,7 +716,7 @@ proptest! {
             within += 1;
         }
         prop_assert!(within > 0 || efov.is_empty(), "no pixel is within the EFOV");
-        // The view only adds, multiplies and divides doubles.
+        // The view computes with doubles, so only rounding is added to the stated error.
         let stated = view.stated.map(|stated| stated + 1e-9);
         prop_assert!(most[0] <= stated[0] && most[1] <= stated[1], "{:?}, stated {:?}", most, view.stated);
     }

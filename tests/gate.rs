@@ -21,7 +21,7 @@ fn any_segments(random: &mut ChaCha8Rng, count: usize) -> Vec<Vec<Pixel>> {
     (0..count).map(|_| vec![any_pixel(random), any_pixel(random)]).collect()
 }
 
-/// Returns a camera with random lines of every kind.
+/// Returns a camera with random lines of several kinds.
 fn scribbled(random: &mut ChaCha8Rng, index: usize) -> SiteCamera {
     let mut camera = SiteCamera::new(format!("c{index}"), SIZE);
     let mut draw = |kind: Kind, groups: usize, least: usize, most: usize| {
@@ -123,7 +123,7 @@ fn camera_rolled_beyond_90_degrees_is_found_or_ambiguous() {
         // The field of view is on the floor, therefore the solution is unique.
         let solution = solved(with_floor.clone());
         assert!(is_true(&solution), "{:?} {:?}", solution.roll_deg, solution.pitch_deg);
-        // Without it, the lines have two solutions, and both are reported.
+        // Without the field of view, the lines have two solutions, and both are reported.
         let bare = SiteCamera { efov_px: None, ..with_floor };
         let solution = solved(bare.clone());
         let others = &solution.alternatives;
@@ -159,14 +159,14 @@ fn repeated_line_adds_no_information() {
     }
 }
 
-/// Whether repeating an annotation did not reduce a standard deviation noticeably. A repeated annotation adds
-/// an unknown, and its copies share their information to about a fifteenth.
+/// Whether repeating an annotation did not reduce a standard deviation noticeably. A repeated annotation adds an
+/// unknown, so its copies have the information of one annotation only to within a fifteenth.
 fn adds_no_information(often: f64, once: f64) -> bool {
     often > 0.93 * once
 }
 
-/// Returns the camera with an annotation repeated `times` times. The copies have no id, so nothing refers to
-/// them.
+/// Returns the camera with an annotation repeated `times` times. The copies have no id, so that no annotation refers
+/// to them.
 fn redrawn(camera: &SiteCamera, index: usize, times: usize) -> SiteCamera {
     let mut often = camera.clone();
     let copy = Annotation { id: None, ..camera.annotations[index].clone() };

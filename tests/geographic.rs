@@ -17,8 +17,8 @@ fn origin() -> Geographic {
     Geographic { latitude: 48.137_154_f64.to_radians(), longitude: 11.576_124_f64.to_radians(), height: 0.0 }
 }
 
-/// Creates a site of one camera whose control points have geographic coordinates with this error, in metres.
-/// World +x is east. With `both`, the points have exact world coordinates, too, which are rotated by 30 degrees.
+/// Creates a site of one camera whose control points have geographic coordinates with errors of `sigma` metres. World
+/// +x is east. With `both`, the points have exact world coordinates, too, which are rotated by 30 degrees.
 fn site(random: &mut ChaCha8Rng, sigma: f64, both: bool) -> Value {
     let camera = above(8.0);
     let plane = TangentPlane::new(origin(), 90_f64.to_radians());
@@ -51,7 +51,7 @@ fn site(random: &mut ChaCha8Rng, sigma: f64, both: bool) -> Value {
         "cameras": [{"id": "a", "size_px": SIZE, "control_points": points}]})
 }
 
-/// Returns the position of the only camera, in degrees of latitude and longitude, and its height.
+/// Returns the geographic position of the only camera.
 fn camera_position(site: &Site) -> Geographic {
     let solved = site.calibrate(&Options::default()).write_into(site);
     let position = solved.cameras[0].solution.as_ref().unwrap().position_m.unwrap();
@@ -75,7 +75,7 @@ fn geographic_points_alone_solve_a_camera_on_the_map() {
     assert_eq!((georeference.x_axis_azimuth_deg, georeference.sigma.east_m), (90.0, 0.0));
 }
 
-/// Adds crosses whose map coordinates have this error, in metres, and their clicks in the camera.
+/// Adds crosses whose map coordinates have errors of `sigma` metres, and their clicks in the camera.
 fn add_marks(random: &mut ChaCha8Rng, document: &mut Value, sigma: f64) {
     let (camera, plane) = (above(8.0), TangentPlane::new(origin(), 90_f64.to_radians()));
     let mut marks = Vec::new();
@@ -112,7 +112,7 @@ fn marks_with_map_coordinates_are_measurements() {
         assert!((at.latitude.to_degrees() - mark.lat_deg.unwrap()).abs() < 1e-8, "{at:?}");
         assert!((at.longitude.to_degrees() - mark.lon_deg.unwrap()).abs() < 1e-8, "{at:?}");
     }
-    // They are better than the control points, so the position of the camera is better known, and right.
+    // The marks are more accurate than the control points, so the position of the camera is better determined.
     let (solved, with) = x_sigma(&site);
     assert!(with < 0.5 * without, "{with} with marks, {without} without");
     let at = TangentPlane::new(origin(), 90_f64.to_radians()).to_world(
@@ -133,7 +133,7 @@ fn marks_with_map_coordinates_are_measurements() {
     let (wrong, _) = x_sigma(&Site::from_json(&document.to_string()).unwrap());
     let residuals = &wrong.marks[1].solution.as_ref().unwrap().residuals;
     assert!(residuals.iter().any(|residual| residual.outlier), "{residuals:?}");
-    // Marks alone define the coordinate system, too; a plan without a place on the map does not.
+    // Marks alone define the coordinate system, too; a plan without a map position does not.
     document["cameras"][0]["control_points"] = json!([]);
     assert!(Site::from_json(&document.to_string()).unwrap().georeference().is_some());
     document["plan"] = json!({"metres_per_px": 0.05});
@@ -238,7 +238,7 @@ fn wrong_coordinates_are_named() {
         point["alt_m"] = json!(519.0);
     });
     assert!(message.contains("altitude of the floor"), "{message}");
-    // One point with world coordinates does not determine how the others lie.
+    // One point with world coordinates does not determine the positions of the others.
     let message = refused(&|point| point["world_m"] = json!([1.0, 2.0, 0.0]));
     assert!(message.contains("height_m") || message.contains("georeference"), "{message}");
 }
@@ -410,7 +410,7 @@ fn solved_cameras_determine_the_georeference() {
             ];
             outside += errors.iter().filter(|error| error.abs() > 1.96).count();
             squares.iter_mut().zip(errors).for_each(|(sum, error)| *sum += error * error / f64::from(TRIALS));
-            // The result is no evidence: solving again gives the same.
+            // The georeference is a result and no evidence: solving again gives the same georeference.
             let again = solved.calibrate(&Options::default()).write_into(&solved);
             assert_eq!(again.solution.unwrap().georeference, Some(found));
         }
@@ -507,7 +507,7 @@ fn images_with_a_world_file_become_plans_on_the_map() {
     let site = Site::from_json(&scratch.read_json("mapped.json").to_string()).unwrap();
     let plan = site.plan.clone().unwrap();
     assert_eq!(plan.image.as_deref(), Some("ortho.png"));
-    // The scale factor of UTM is 1.000049 here.
+    // The scale factor of UTM is 1.000049 at this position.
     let factor = 0.25 / plan.metres_per_px;
     assert!((factor - 1.000_049).abs() < 2e-6, "{factor}");
     let floor = plan.scale().floor_from_plan(calib_core::PlanPixel::new(300.0, 40.0));
@@ -604,7 +604,7 @@ fn street_cameras() -> Vec<Camera> {
     (0..6).map(camera).collect()
 }
 
-/// Returns the pixel of a point, with noise of half a pixel; `None` if the camera does not see the point.
+/// Returns the pixel of a point, with noise of half a pixel; `None` outside the image or beyond 110 m.
 fn click(random: &mut ChaCha8Rng, camera: &Camera, at: WorldPoint) -> Option<[f64; 2]> {
     let px = camera.world_to_pixel(at)?;
     let is_inside = (0.0..f64::from(SIZE[0])).contains(&px.u) && (0.0..f64::from(SIZE[1])).contains(&px.v);
@@ -612,7 +612,7 @@ fn click(random: &mut ChaCha8Rng, camera: &Camera, at: WorldPoint) -> Option<[f6
     (is_inside && camera.position.distance(at) < 110.0).then_some(noisy)
 }
 
-/// Returns the verticals and the parallel edges that are drawn in the image of a camera.
+/// Returns the verticals and the parallel edges that are annotated in the image of a camera.
 fn lines(random: &mut ChaCha8Rng, camera: &Camera) -> Vec<Value> {
     let mut line = |ends: [[f64; 3]; 2]| {
         let ends = ends.map(|[dx, y, z]| WorldPoint::new(camera.position.x + dx, y, z));
@@ -662,13 +662,14 @@ fn street(random: &mut ChaCha8Rng, sigma: f64) -> Value {
     json!({"format": "calib-site", "version": 1, "scene": "exact", "cameras": entries, "links": links})
 }
 
-/// Errors of the cameras of the street on the map, in standard deviations: east, north, height and azimuth.
+/// Simulates a street, and returns the errors of its cameras as [`map_errors`] does.
 fn street_errors(random: &mut ChaCha8Rng, sigma: f64) -> Option<Vec<[f64; 4]>> {
     let site = Site::from_json(&street(random, sigma).to_string()).unwrap();
     map_errors(&site.calibrate(&Options::default()).write_into(&site))
 }
 
-/// Errors of the first cameras of the street on the map, in standard deviations: east, north, height and azimuth.
+/// Returns the errors of the solved cameras of a street on the map, in standard deviations: east, north, height and
+/// azimuth. `None` if a camera has no position or no standard deviation.
 fn map_errors(solved: &Site) -> Option<Vec<[f64; 4]>> {
     let plane = solved.tangent_plane()?;
     let map = TangentPlane::new(origin(), 90_f64.to_radians());
@@ -687,9 +688,9 @@ fn map_errors(solved: &Site) -> Option<Vec<[f64; 4]>> {
     solved.cameras.iter().zip(&street_cameras()).map(errors).collect()
 }
 
-/// Simulates `trials` sites of six cameras, with `sigma` metres of noise on the surveyed points.
-/// Returns, for east, north, height and azimuth, the root mean square error divided by the standard
-/// deviation, and the share of the errors within 1.96 standard deviations.
+/// Simulates `trials` sites of six cameras, with `sigma` metres of noise on the surveyed points. Returns two values
+/// for east, north, height and azimuth: the root mean square error divided by the standard deviation, and the share
+/// of errors within 1.96 standard deviations.
 fn street_table(sigma: f64, trials: u64) -> [[f64; 2]; 4] {
     let mut sums = [[0.0; 2]; 4];
     let mut count = 0.0;

@@ -343,8 +343,8 @@ fn posts_determine_cameras() {
 
 #[test]
 fn inaccurate_links_are_weighted_by_their_sigma() {
-    /// Counts the coordinates of the second and third camera within their 95 % intervals, and all
-    /// coordinates.
+    /// Counts the coordinates of the second and third camera within their 95 % intervals, and all coordinates.
+    /// `says_so` is whether the links have their standard deviation.
     fn inside(random: &mut ChaCha8Rng, says_so: bool) -> [usize; 2] {
         const HASTE: f64 = 3.0;
         let mut held = [0, 0];

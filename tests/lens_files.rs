@@ -17,7 +17,7 @@ fn read(kind: &str, name: &str, text: &str) -> Result<Imported, String> {
     import(format(kind).unwrap(), &[file]).map_err(|error| error.to_string())
 }
 
-/// Returns OpenCV's pixel of a point in camera axes, by the formula of its documentation.
+/// Returns OpenCV's pixel of a point in camera axes, by the formula in OpenCV's documentation.
 fn opencv_pixel([x, y, z]: [f64; 3]) -> [f64; 2] {
     let (x, y, [k1, k2, p1, p2, k3]) = (x / z, y / z, TERMS);
     let r = x * x + y * y;
@@ -27,7 +27,7 @@ fn opencv_pixel([x, y, z]: [f64; 3]) -> [f64; 2] {
     [F * u + CX, F * v + CY]
 }
 
-/// Checks that a camera maps points in camera axes like OpenCV, whose pixels are smaller by 0.5.
+/// Checks that a camera maps points in camera axes like OpenCV, whose pixel coordinates are smaller by 0.5.
 fn assert_is_the_lens(camera: &SiteCamera, what: &str) {
     assert_eq!(camera.size_px, [1280, 720], "{what}");
     let lens = camera.lens();
@@ -242,7 +242,7 @@ fn size_can_be_stated() {
     assert_is_the_lens(&imported.site.cameras[0], "stated size");
 }
 
-/// Returns `OpenCV`'s pixel of a point in camera axes with all its terms, by the formula of its documentation.
+/// Returns `OpenCV`'s pixel of a point in camera axes with all terms, by the formula in `OpenCV`'s documentation.
 fn pixel_with_all_terms([x, y, z]: [f64; 3], [fx, fy]: [f64; 2], terms: [f64; 12]) -> [f64; 2] {
     let [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4] = terms;
     let (x, y) = (x / z, y / z);

@@ -115,7 +115,8 @@ fn wide(random: &mut ChaCha8Rng, family: Family, hfov_deg: f64, [w, h]: [f64; 2]
     let half: f64 = 0.5 * hfov_deg.to_radians();
     let edge = half.tan();
     loop {
-        // The side of the image is at `edge` in the undistorted plane. The coefficients are scaled by it.
+        // The side of the image is at `edge` in the undistorted plane. The coefficients are scaled by powers of
+        // `edge`.
         let a = random.random_range(0.15..0.6);
         let k1 = -a / edge.powi(2);
         let k2 = a * a * random.random_range(0.3..0.7) / edge.powi(4);
@@ -594,7 +595,7 @@ fn uninformative_edge_is_reported() {
     assert!(warnings.iter().any(|warning| warning.code == Code::UninformativePolyline), "{warnings:?}");
 }
 
-/// Returns edges of a lens that displaces the corner by 60 px, drawn with 0.3 px of noise.
+/// Returns edges of a lens that displaces the corner by 60 px, annotated with 0.3 px of noise.
 fn edges_of_a_lens(random: &mut ChaCha8Rng) -> (Vec<Edge>, LensOptions) {
     let size = [1920.0, 1080.0];
     let brown = BrownConrady { k1: -0.06, ..BrownConrady::default() };

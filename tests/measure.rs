@@ -11,7 +11,7 @@ use calib_tests::{Scratch, above, entry};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
-/// Share of a normal distribution within 1.96 standard deviations, in per cent.
+/// Accepted share of 95 % intervals that contain the truth, in per cent.
 const EXPECTED: std::ops::RangeInclusive<f64> = 93.0..=97.0;
 
 /// Simulated camera: its truth, and a site with the camera solved from noisy lines and a noisy height.
@@ -65,7 +65,7 @@ impl Simulated {
                 (tall, vec![from, noisy(random, head)])
             }
         };
-        // Tiny figures are not measured: to first order the error of a length or an area is then not normal.
+        // Tiny figures are skipped: the error of their length or area is not approximately normal.
         if truth < 0.5 {
             return None;
         }

@@ -247,7 +247,7 @@ fn formats_keep_both_focal_lengths() {
         let back = import(format, &files.files).unwrap_or_else(|error| panic!("{name}: {error}")).site;
         let found = back.cameras[0].lens();
         assert!((found.pixel_aspect - 2.0).abs() < 1e-6, "{name}: {}", found.pixel_aspect);
-        // These files have no distortion.
+        // These formats do not contain the distortion.
         if ["nvidia", "wildtrack"].contains(&name) {
             continue;
         }

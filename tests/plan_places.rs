@@ -1,5 +1,5 @@
-//! Places of cameras on a floor plan, from the visible floor: on the plan of the demonstration, and no place on a mirrored
-//! plan.
+//! Placement of cameras on a floor plan from the visible floor. Cameras are placed on the plan of the demonstration,
+//! and not on a mirrored plan.
 
 use calib_demo::render_plan;
 use calib_image::PlacementSearch;
@@ -7,7 +7,7 @@ use calib_site::{Options, Site};
 use calib_tests::Scratch;
 use image::RgbImage;
 
-/// Cameras of the shop in the demonstration.
+/// Number of cameras of the shop in the demonstration that are tested.
 const SHOP: usize = 3;
 
 #[test]

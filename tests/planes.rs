@@ -26,7 +26,7 @@ fn camera(position: [f64; 3], yaw: f64) -> Camera {
     }
 }
 
-/// Draws annotations as a camera sees them, with noise.
+/// Simulated operator who annotates points and lines in the image of a camera, with noise.
 struct Hand<'a> {
     camera: &'a Camera,
     random: ChaCha8Rng,
@@ -47,7 +47,7 @@ impl<'a> Hand<'a> {
         vec![self.pixel(a), self.pixel(b)]
     }
 
-    /// Draws a segment on a plane, given by floor coordinates.
+    /// Draws a segment on a plane. The start and the direction are in floor coordinates.
     fn on(&mut self, plane: &Plane, [x, y]: [f64; 2], [dx, dy]: [f64; 2]) -> Vec<Pixel> {
         self.line(lifted(plane, x, y), lifted(plane, x + dx, y + dy))
     }
@@ -141,8 +141,8 @@ fn placed(entry: SiteCamera, camera: &Camera, fixed: bool) -> SiteCamera {
     SiteCamera { placement: Some(placement), ..entry }
 }
 
-/// Returns two cameras, the first placed, with shared points on the floor and on a plane, and lines on the
-/// plane.
+/// Returns a site with two placed cameras; the first is fixed. The cameras have shared points on the floor and on a
+/// plane, and lines on the plane.
 fn pair(plane: &Plane, noise: f64, seed: u64) -> Site {
     let cameras = [camera([0.0, 0.0, 4.0], 0.0), camera([3.0, 1.0, 3.5], 0.5)];
     let mut hands: Vec<Hand> = (0..2)

@@ -75,7 +75,7 @@ fn newer_plan_keeps_positions() {
     scratch.calib(&["plan", "hall.dxf", "--site", "site.json", "-o", "new.json"]).expect_code(0);
     let new = scratch.read_json("new.json");
     assert_eq!(new["plan"]["georeference"], old["georeference"]);
-    // The point was 2 m right and 2 m up of the old origin. Up is +x: world (2, -2).
+    // The point was 2 m to the right of the old origin and 2 m above it. Up is +x: world (2, -2).
     let pixel = &new["cameras"][0]["control_points"][0]["plan_px"];
     let [u, v] = [0, 1].map(|index| pixel[index].as_f64().unwrap());
     assert!((u - (24.0 + 400.0)).abs() < 1e-6 && (v - (2424.0 + 400.0)).abs() < 1e-6, "{pixel}");

@@ -15,7 +15,7 @@ use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
 
 const SIZE: [u32; 2] = [1920, 1080];
-/// Cameras of each row of the table.
+/// Number of cameras in each row of the table.
 const TRIALS: usize = 40;
 
 /// Row of the table.
@@ -42,8 +42,8 @@ fn normal(random: &mut ChaCha8Rng) -> f64 {
 }
 
 impl Trial {
-    /// Creates a random camera 3 to 8 m high, and points that are spread over its image: one in each of the
-    /// four quarters of the visible floor first.
+    /// Creates a random camera 3 to 8 m high, and points that are spread over its image: in each of the four quarters
+    /// of the image in turn.
     fn new(setting: Setting, random: &mut ChaCha8Rng) -> Self {
         loop {
             let camera = Camera {
@@ -114,7 +114,7 @@ impl Trial {
 /// Sums of a row of the table.
 #[derive(Clone, Copy, Debug, Default)]
 struct Row {
-    /// Squared position errors over the squared bounds, of solved cameras.
+    /// Sum of the squared ratios of position error to bound, over the solved cameras.
     square: f64,
     solved: usize,
     covered: usize,
@@ -133,7 +133,7 @@ impl Row {
     fn add(&mut self, solution: &Solution, truth: &Camera, bound: f64) {
         let found = solution.camera().unwrap();
         let error = found.position.distance(truth.position);
-        // A camera with two solutions that fit equally well is not solved.
+        // A camera counts as not solved if it has two solutions that fit equally well, or a gross error.
         if !solution.alternatives.is_empty() || error > 25.0 * bound {
             return;
         }
@@ -180,7 +180,8 @@ fn settings() -> Vec<Setting> {
     settings
 }
 
-/// Bound of the position, in metres: its standard deviation at the exact pixels.
+/// Returns the bound of the position, in metres: its standard deviation at the exact pixels. `None` if these pixels
+/// do not determine the true position uniquely.
 fn bound(trial: &Trial, setting: Setting) -> Option<f64> {
     let exact = trial.solve(setting)?;
     let camera = exact.camera()?;

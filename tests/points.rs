@@ -158,7 +158,7 @@ fn uncertainty_from_points_is_known_without_a_joint_solve() {
     let joint = solve(&site).sigma.unwrap();
     assert_eq!(solution.stage, Stage::Placed);
     let sigma = solution.sigma.unwrap();
-    // Both include the unknown principal point.
+    // Both solutions include the uncertainty of the principal point.
     let ratio = |of: fn(&calib_site::Sigmas) -> Option<f64>| of(&sigma).unwrap() / of(&joint).unwrap();
     for ratio in [ratio(|s| s.focal_px), ratio(|s| s.pitch_deg), ratio(|s| s.z_m), ratio(|s| s.yaw_deg)] {
         assert!((0.999..1.001).contains(&ratio), "{sigma:?} and {joint:?}");
@@ -190,7 +190,7 @@ fn court_mark(is_fixed: bool) -> Site {
 
 #[test]
 fn corners_of_a_marked_court_calibrate_a_camera_without_lines() {
-    // The principal point is unknown by default, and a mark that may move is seen by one camera.
+    // The principal point is unknown by default. The position of the mark is not fixed, and only one camera sees it.
     let partial = solve(&court_mark(false));
     assert!(partial.sigma.as_ref().unwrap().pitch_deg.unwrap() < 10.0, "{partial:?}");
     let exact = solve(&Site { scene: Some(SceneEntry::EXACT), ..court_mark(false) });
@@ -210,7 +210,7 @@ fn corners_of_a_marked_court_calibrate_a_camera_without_lines() {
 
 #[test]
 fn mark_determines_a_camera_with_too_few_control_points() {
-    // Three control points leave the focal length open.
+    // Three control points do not determine the focal length.
     let mut random = ChaCha8Rng::seed_from_u64(8);
     let three = site(&court(3), 0.0, &mut random).cameras.remove(0).control_points;
     let mut site = Site { scene: Some(SceneEntry::EXACT), ..court_mark(false) };
@@ -271,8 +271,8 @@ fn yard([k1, k2]: [f64; 2], count: usize, random: &mut ChaCha8Rng) -> (Camera, V
     (camera, points)
 }
 
-/// Returns the solution of a camera from points with a noise of 0.5 px, of which `wrong` points have the pixels of
-/// places 1 to 4 m away.
+/// Returns the solution of a camera from points with a noise of 0.5 px. The first `wrong` points have the pixels of
+/// positions 1 to 4 m away.
 fn solve_yard(
     (camera, points): &(Camera, Vec<WorldPoint>),
     wrong: usize,

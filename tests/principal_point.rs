@@ -15,8 +15,8 @@ const SIZE: [u32; 2] = [1920, 1080];
 /// Standard deviation of the principal point from the image centre in these scenes, in pixels.
 const SPREAD_PX: f64 = 40.0;
 
-/// Returns the site of a random scene whose principal point is off the image centre, and the true values of
-/// focal length, pitch, roll and principal point in the order of `PARAMETERS`.
+/// Returns the site of a random scene whose principal point is off the image centre. Also returns the true values in
+/// the order of `PARAMETERS`: focal length, pitch, roll and principal point.
 fn off_centre(random: &mut ChaCha8Rng, drawn: AnnotationSet) -> (Site, [f64; 5]) {
     let scene = RandomScene::new(random, drawn, None, None);
     let [du, dv] = [0, 1].map(|_| SPREAD_PX * normal(random));
@@ -46,7 +46,7 @@ fn standardised(site: &Site, truth: [f64; 5]) -> Option<[f64; 5]> {
     let Pixel { u, v } = camera.lens.principal_point;
     let found = [camera.focal, camera.pitch, camera.roll, u, v];
     let sigmas = PARAMETERS.map(|index| camera.covariance.sigma(index));
-    // A focal length that is uncertain by a fifth is not a normal variable.
+    // If the standard deviation is more than a fifth of the focal length, the error is not normal.
     sigmas[0].filter(|sigma| *sigma < 0.2 * camera.focal)?;
     let mut errors = [0.0; 5];
     for (k, error) in errors.iter_mut().enumerate() {
@@ -133,8 +133,8 @@ fn entry_of_the_principal_point_survives_the_file() {
     }
 }
 
-/// Returns the site of a camera with this principal point. It sees six verticals and five floor lines in each of
-/// two directions at right angles, drawn with half a pixel of noise.
+/// Returns the site of a camera with this principal point. It sees six verticals and five floor lines in each of two
+/// directions at right angles, annotated with half a pixel of noise.
 fn hall(principal_point: Pixel, size: [u32; 2]) -> Site {
     let camera = Camera {
         position: WorldPoint::new(0.0, 0.0, 4.0),

@@ -124,7 +124,7 @@ fn orientation(solution: &Solution) -> Orientation {
     }
 }
 
-/// Detected line segments of one room, and its camera from hand-drawn lines with the known focal length.
+/// Detected line segments of one room, and its camera from manually annotated lines with the known focal length.
 struct Room {
     segments: Vec<LineSegment>,
     truth: Option<Orientation>,
@@ -150,7 +150,7 @@ fn rooms() -> Option<(Vec<Room>, f64, Pixel)> {
     Some((rooms, focal, serde_json::from_value(data["principal_point_px"].clone()).unwrap()))
 }
 
-/// Calibrates the rooms from hand-drawn lines, with the true focal length fixed.
+/// Calibrates the rooms from manually annotated lines, with the true focal length fixed.
 fn truths(focal: f64) -> Option<BTreeMap<String, Orientation>> {
     let text = std::fs::read_to_string(shared("real/rooms/rooms.json")?).unwrap();
     let mut site = Site::from_json(&text).unwrap();
@@ -197,10 +197,10 @@ fn measured_rooms(name: &'static str, half: usize) -> Option<(Measured, Measured
     Some((Measured { name, offered: rooms.len(), each }, baseline))
 }
 
-/// Estimates the orientation with the usual baseline, RANSAC. Of 500 intersections of random pairs of edges,
-/// it takes the point with most edges within 2 degrees, and removes those edges. It repeats this three times.
-/// The most vertical point is the zenith. The first other point that gives a real focal length as a
-/// horizontal direction determines it.
+/// Estimates the orientation with the usual baseline, RANSAC. Of 500 intersections of random pairs of edges, it takes
+/// the point with the most edges within 2 degrees, and removes these edges. It repeats this three times. The most
+/// vertical point is the zenith. The other points count as horizontal directions: the first with a real focal length
+/// determines the focal length.
 fn ransac(segments: &[LineSegment], centre: Pixel) -> Option<Orientation> {
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let relative = |p: Pixel| [p.u - centre.u, p.v - centre.v];
@@ -313,8 +313,8 @@ fn demonstration_has_no_gross_errors() {
     assert_eq!(gross_among_sure("demonstration", &offs), 0);
 }
 
-/// Calibrates the flat cameras of the demonstration with a focal length that is `factor` times the true one. Returns the
-/// results and the true focal lengths.
+/// Calibrates the cameras of the demonstration except the fisheye, with a focal length that is `factor` times the
+/// true one. Returns the results and the true focal lengths.
 fn with_known_focal(factor: f64) -> Vec<(AutomaticCalibration, f64)> {
     let demo = calib_demo::demo_site();
     let flat = demo.site.cameras.iter().zip(&demo.truth).filter(|(_, (id, _))| id != "checkouts");
@@ -436,7 +436,7 @@ fn sent(image: RgbImage, random: &mut ChaCha8Rng) -> RgbImage {
     image::load_from_memory(&bytes).unwrap().into_rgb8()
 }
 
-/// Returns a camera at the same place with another height, orientation and focal length.
+/// Returns a camera at the same horizontal position with another height, orientation and focal length.
 fn with_another_mounting(camera: &Camera, random: &mut ChaCha8Rng) -> Camera {
     let mut off = |sigma: f64| sigma * normal(random);
     let position = WorldPoint { z: camera.position.z + off(0.2), ..camera.position };
@@ -524,8 +524,8 @@ fn rendered_rooms_are_calibrated_or_abstain() {
     assert!(Measured::inside(&answered) > 0.9, "{}", measured.row());
 }
 
-/// Returns the brightness of a room at the first surface along a ray from inside. The floor has tiles of this
-/// size, in metres; 0 for a plain floor. Doors are in all walls.
+/// Returns the brightness of a room at the first surface along a ray from inside. The floor has tiles of the size
+/// `tile`, in metres; 0 for a plain floor. Doors are in all walls.
 fn room_brightness(origin: WorldPoint, direction: [f64; 3], tile: f64) -> f64 {
     const LOW: [f64; 3] = [-4.5, -1.0, 0.0];
     const HIGH: [f64; 3] = [4.5, 9.0, 3.2];
@@ -606,7 +606,7 @@ fn tiled_rooms_have_the_lens_of_their_edges() {
     assert!(Measured::focal(&answered, 0.5) < 0.01, "{}", measured.row());
 }
 
-/// Returns a camera for its covariance alone, which is unknown.
+/// Returns a camera whose exact covariance is used in struct updates.
 fn demo_camera() -> Camera {
     calib_demo::demo_site().truth[0].1
 }

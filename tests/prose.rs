@@ -1,9 +1,8 @@
 //! Plain English: riddling phrases per 1,000 words of comments in each crate, and in user-facing strings.
 //!
-//! The rules and the glossary are in `docs/glossary.md`. The patterns catch what a pattern can catch:
-//! comments that start with a free relative, data that speak, words outside the glossary, and sentences of
-//! more than 28 words. A hit is not always wrong, therefore comments have a small budget. Strings that users
-//! read have none.
+//! The rules and the glossary are in `docs/glossary.md`. The patterns find comments that start with a free
+//! relative, data that speak, words outside the glossary, and sentences of more than 28 words. A hit is not
+//! always wrong, therefore comments have a small budget. Strings that users read must have no hit.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;

@@ -1,4 +1,4 @@
-//! Real cameras: three surveillance views of one shelter with hand-drawn lines and known control points.
+//! Real cameras: three surveillance views of one shelter with manually annotated lines and known control points.
 
 use std::collections::BTreeMap;
 

@@ -48,8 +48,8 @@ fn register(cameras: &[Camera], images: &[RgbImage]) -> SiteRegistration {
     join(&colours, &pairs, &mut |_| true).unwrap()
 }
 
-/// Returns the distances of the placed cameras from their true positions (metres) and the differences of their yaws
-/// (radians), after the best rotation, scale and shift of the floor.
+/// Returns the position errors (metres) and the yaw errors (radians) of the placed cameras, after the best rotation,
+/// scale and shift of the floor.
 fn errors(truth: &[Camera], placed: &[Camera]) -> Vec<[f64; 2]> {
     let at = |camera: &Camera| Complex::new(camera.position.x, camera.position.y);
     let count = truth.len() as f64;

@@ -48,7 +48,7 @@ fn redundancy_numbers_add_up_to_the_degrees_of_freedom() {
     assert!(count > 20 && 2 * equal > count, "{count} scenes are tested, {equal} without overlapping lines");
 }
 
-/// Returns the links of a solution without redundancy.
+/// Returns the number of links without redundancy in a solution.
 fn unchecked_links(solution: &Solution) -> usize {
     let links = solution.residuals.iter().filter(|residual| residual.of == ResidualOf::Link);
     links.filter(|residual| residual.redundancy.unwrap() < 1e-6).count()

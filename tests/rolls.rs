@@ -30,13 +30,13 @@ impl Turn {
         }
     }
 
-    /// Returns the size of the image of the turned camera.
+    /// Returns the size of the image of the rotated camera.
     fn size(self) -> [u32; 2] {
         let [w, h] = [WIDTH as u32, HEIGHT as u32];
         if matches!(self, Self::Right | Self::Left) { [h, w] } else { [w, h] }
     }
 
-    /// Maps a pixel of the camera to the pixel of the turned camera.
+    /// Maps a pixel of the camera to the pixel of the rotated camera.
     fn pixel(self, Pixel { u, v }: Pixel) -> Pixel {
         match self {
             Self::None => Pixel { u, v },
@@ -64,7 +64,7 @@ fn person(camera: &Camera) -> Option<Annotation> {
     Some(Annotation { foot: Some(foot), head: Some(head), height_m, ..Annotation::new(Kind::Upright) })
 }
 
-/// Returns a site whose camera has these annotations, turned.
+/// Returns a site whose camera is rotated by `turn` and has these annotations.
 fn turned(turn: Turn, annotations: Vec<Annotation>, lens: LensEntry) -> Site {
     let camera = SiteCamera {
         annotations: annotations.into_iter().map(|drawn| turn.annotation(drawn)).collect(),

@@ -121,7 +121,7 @@ fn measure(truth: SceneErrors, assumed: SceneErrors, marks: usize, scenes: usize
         let constraints = Constraints::new(&annotations, &scene.camera.lens, assumed);
         let options = FitOptions { sigma: Some(1.0), ..FitOptions::new(scene.camera.lens, SIZE) };
         let Ok(fit) = Fit::new(&constraints, &options) else { continue };
-        // A misfit has no uncertainty.
+        // The uncertainty of a misfit is unknown.
         if fit.camera.covariance.sigma(Covariance::ROLL).is_none() {
             continue;
         }

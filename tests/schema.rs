@@ -3,7 +3,7 @@
 use calib_site::Site;
 use serde_json::{Value, json};
 
-/// Returns a site with every part of the format.
+/// Returns a site with most parts of the format.
 fn complete_site() -> Value {
     let known = |value: f64, sigma: f64| json!({"value": value, "sigma": sigma});
     json!({
@@ -69,7 +69,7 @@ fn complete_site_is_read_and_written() {
     let written: Value = serde_json::from_str(&site.to_json()).unwrap();
     assert!(validator().is_valid(&written), "the written file matches the schema");
     assert_eq!(Site::from_json(&site.to_json()).unwrap(), site);
-    // Given values are kept; default values may be omitted or written.
+    // Entered values are kept; default values may be omitted or written.
     for pointer in [
         "/cameras/0/annotations/3/off",
         "/cameras/0/annotations/7/height_m/sigma",

@@ -18,8 +18,8 @@ fn jpeg() -> Vec<u8> {
     bytes
 }
 
-/// Starts a camera. `answer` gets the path and the header `Authorization` of each request. Returns its address
-/// without scheme, and the requests.
+/// Starts a simulated camera. `answer` gets the path and the header `Authorization` of each request. Returns the
+/// address of the camera without scheme, and the requests.
 fn camera(
     answer: impl Fn(&str, Option<&str>) -> Vec<u8> + Send + 'static,
 ) -> (String, Receiver<(String, Option<String>)>) {
@@ -250,7 +250,8 @@ fn the_median_of_a_clip_calibrates_as_the_empty_shop() {
     assert!(run.stderr.contains("lasts 3.00 s"), "{}", run.stderr);
 }
 
-/// Picture of the first frame of the clips of `calib-video`: a gradient, and a white square.
+/// Returns the brightness of a pixel in the first frame of the clips of `calib-video`: a gradient, and a white
+/// square.
 fn expected_brightness(x: u32, y: u32) -> u8 {
     if (24..40).contains(&y) && x < 16 { 235 } else { (40 + x + y / 2) as u8 }
 }

@@ -192,7 +192,7 @@ pub const fn camera(distortion: Distortion) -> Camera {
     }
 }
 
-/// One distortion of every kind: five coefficients, none, the division model.
+/// Distortions of the test cameras: five Brown-Conrady coefficients, none, and the division model.
 pub const LENSES: [Distortion; 3] = [
     Distortion::BrownConrady(BrownConrady { k1: -0.25, k2: 0.06, k3: -0.004, p1: 0.001, p2: -0.0007 }),
     Distortion::None,

@@ -83,7 +83,8 @@ fn result(calibrated: &[Sized], seen: &[Sighting]) -> WalkResult {
     walk.result()
 }
 
-/// Returns the accused cameras, worst first. One camera may have an extra error of one parameter.
+/// Returns the accused cameras, worst first. `fault` adds an error to one camera: index of the camera, index of the
+/// parameter, and size of the error.
 fn named(calibrated: &[Sized], fault: Option<(usize, usize, f64)>, seed: u64) -> Vec<usize> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut truth: Vec<Sized> =
@@ -104,8 +105,8 @@ fn cameras_within_their_claims_are_not_accused() {
     assert!(accused <= 9, "{accused} of 100: more than 5 % by two standard deviations");
 }
 
-/// At the smallest detectable fault, half of the faults are named. At 1.6 times that, the fault is 4.6
-/// standard deviations.
+/// Faults of the smallest detectable size are named in half of the cases. The tested faults are 1.6 times as large,
+/// which is 4.6 standard deviations.
 #[test]
 fn detectable_faults_are_named() {
     let calibrated = calibrated_cameras();

@@ -13,7 +13,7 @@ use calib_site::{Method, Site, Solution, Stage};
 use calib_tests::Scratch;
 
 const DAY: i64 = 86_400 * SECOND;
-/// 2026-05-01T00:00:00Z.
+/// Time 2026-05-01T00:00:00Z, in nanoseconds since 1970.
 const MAY: i64 = 1_777_593_600 * SECOND;
 
 /// Returns the true cameras of the demonstration: three share the view of the shop, two are alone.
@@ -97,8 +97,8 @@ fn number_from_env(name: &str, default: u64) -> u64 {
     std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
 }
 
-/// Counts over the archives of one kind of movement: found, dated to a tenth of the window, and other cameras
-/// accused.
+/// Counts over the archives of one kind of change: changes found, changes dated to a tenth of the window, and other
+/// cameras accused.
 #[derive(Default)]
 struct Found {
     trials: usize,
@@ -186,7 +186,7 @@ fn table_of_rows_per_second() {
     println!("| {} | {} | {rate:.0} | {:.2} |", seen.len(), health.len(), start.elapsed().as_secs_f64());
 }
 
-/// Returns the largest change statistic of every camera and day without a movement, largest first.
+/// Returns the largest change statistic of every camera and day without a camera change, largest first.
 fn quiet_days(seeds: std::ops::Range<u64>) -> Vec<(f64, usize)> {
     let cameras = cameras();
     let mut all = Vec::new();

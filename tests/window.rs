@@ -25,7 +25,7 @@ fn part(image: &RgbImage, [x, y, w, h]: [u32; 4], [width, height]: [u32; 2]) -> 
     if [w, h] == [width, height] { cropped } else { resize(&cropped, width, height, FilterType::CatmullRom) }
 }
 
-/// Sides of the part that a comparison found.
+/// Returns left, top, width and height of the part that a comparison found, in pixels.
 fn found(comparison: &Comparison) -> [f64; 4] {
     assert_eq!(comparison.change, CameraChange::Windowed, "{:?}", comparison.rotation);
     comparison.window.unwrap().px()

@@ -25,10 +25,11 @@ pub(crate) struct MapResult {
     pub(crate) findings: Vec<Finding>,
 }
 
-/// Control points with coordinates both of the site and of the map.
+/// Control points in use that have map coordinates, and also site coordinates that are entered or computed from the
+/// cameras.
 #[derive(Debug, Default)]
 struct MappedPoints {
-    /// Indices of the camera and of the control point in it.
+    /// Index of the camera, and index of the control point in this camera, for every point.
     indices: Vec<[usize; 2]>,
     pairs: Vec<GeographicPair>,
     /// Standard deviation of the difference between the site position and the map position of every point, for each
@@ -132,7 +133,7 @@ impl Site {
         (!subjects.is_empty()).then_some(Finding::Unused { subjects, reason })
     }
 
-    /// Returns the control points with coordinates both of the site and of the map.
+    /// Returns the control points in use that have both site coordinates and map coordinates.
     fn points_of_both_frames(&self) -> MappedPoints {
         let system = self.coordinate_system();
         let mut found = MappedPoints::default();
@@ -152,9 +153,9 @@ impl Site {
         found
     }
 
-    /// Returns the control points of a solved site with coordinates on the map, at the world coordinates that
-    /// follow from their cameras. Also returns the joint covariance of these world coordinates, which is `None`
-    /// if there are no such points.
+    /// Returns the control points of a solved site with coordinates on the map, at the world coordinates that follow
+    /// from their cameras. Also returns the joint covariance of these world coordinates. If the uncertainty of a
+    /// camera is unknown, returns no points, and `None` as the covariance.
     ///
     /// The errors of the annotations and of the joint calibration are included. The error of a placement by hand
     /// is not: the georeference refers to the plan as drawn.

@@ -48,9 +48,9 @@ fn fitted_coefficients(entry: &DistortionEntry) -> Option<FittedCoefficients> {
     Some(FittedCoefficients { model: entry.model, which })
 }
 
-/// Returns one RMS deviation from a straight line, without distortion and in pixels, for every edge that the fitted
-/// lens makes much straighter. The lines of one direction count as one edge. "Much" means a chi-square gain of 10,
-/// which is very strong evidence (Kass and Raftery 1995).
+/// Returns the RMS deviation from a straight line under a lens without distortion, in pixels, for every edge that the
+/// fitted lens makes much straighter. The lines of one direction count as one edge. "Much" means a chi-square gain of
+/// 10, which is very strong evidence (Kass and Raftery 1995).
 fn straightened_rms(
     fit: &LensFit,
     annotations: &[Annotation],
@@ -80,7 +80,7 @@ fn straightened_rms(
     sums.map(|[without, _, points]| (without / points).sqrt()).collect()
 }
 
-/// Whether straight edges reach the rim of the image circle of a fisheye.
+/// Whether lines of three or more points reach the rim of the image circle of a fisheye.
 fn reaches_rim(entry: &SiteCamera) -> bool {
     /// Smallest distance from the centre that counts as reaching the rim, relative to the radius of the image
     /// circle.
@@ -158,7 +158,8 @@ impl Site {
     }
 }
 
-/// Returns the edges and options for fitting the lens of a camera; `None` if the lens is entered.
+/// Returns the edges and options for fitting the lens of a camera. Returns `None` if its distortion coefficients are
+/// entered, or if its solution is not recomputed.
 fn lens_problem(entry: &SiteCamera, shared: &SharedLenses) -> Option<(Vec<Edge>, LensOptions)> {
     let lens = entry.lens_of_image();
     let distortion = lens.as_ref().and_then(|lens| lens.distortion.as_ref());
@@ -195,7 +196,7 @@ fn is_lens_requested(owner: &SiteCamera, shared: &SharedLenses) -> bool {
     is_entered || has_edge(owner) || sharing_edges(owner, shared).any(has_edge)
 }
 
-/// Returns the cameras that share the lens and have the same image geometry, so that their edges can be
+/// Returns the cameras that share the lens of `owner` and have the same image geometry, so that their edges can be
 /// combined.
 fn sharing_edges<'a>(
     owner: &'a SiteCamera,

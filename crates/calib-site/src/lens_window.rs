@@ -1,4 +1,5 @@
-//! Window of a camera: the part of the calibrated image that its image shows, after a digital zoom or a crop.
+//! Window of a camera: the part of the calibrated image that the image of the camera shows, after a digital zoom or a
+//! crop.
 //!
 //! The lens values of the entry belong to the calibrated image. A window (x, y, w, h) in pixels of that image,
 //! shown as an image of W x H pixels, moves a pixel (u, v) of the calibrated image to
@@ -170,7 +171,7 @@ mod tests {
                 lens.bearing(pixel).map(|[x, y, w]| [x / focal, y / focal, w])
             });
             if let [Some(a), Some(b)] = rays {
-                // Whole pixels are not required of a window, but almost equal scales count as equal.
+                // A window need not consist of whole pixels, but almost equal scales count as equal.
                 let tolerance = if (stretch - 1.0).abs() < 3e-3 { 3e-3 } else { 1e-9 };
                 prop_assert!((0..3).all(|k| (a[k] - b[k]).abs() < tolerance), "{a:?} {b:?}");
             }

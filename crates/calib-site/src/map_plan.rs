@@ -29,12 +29,12 @@ pub struct MapPosition {
 pub enum MapPlanError {
     /// A corner of the image is outside the grid.
     OutsideGrid,
-    /// The pixels are not square on the ground: their width and height, in metres.
+    /// The pixels are not square on the ground.
     NotSquare {
         /// Width and height of a pixel, in metres.
         pixel_m: [f64; 2],
     },
-    /// The image is sheared, mirrored or too large for one scale: the largest error, in pixels.
+    /// The image is sheared, mirrored or too large for one scale.
     NotSimilar {
         /// Largest error of a corner, in pixels.
         error_px: f64,
@@ -151,13 +151,13 @@ impl Similarity {
 }
 
 impl Site {
-    /// Returns the plan of an image of known position, with its scale, origin, rotation and georeference. World
-    /// coordinates stay as they are if the site has a georeference. In a site without positions, world (0, 0) becomes
+    /// Creates a plan from an image of known position, with scale, origin, rotation and georeference. World
+    /// coordinates do not change if the site has a georeference. In a site without positions, world (0, 0) becomes
     /// the lower left corner of the image, and +x points to its right.
     ///
     /// # Errors
-    /// If the pixels of the image are not square on the ground, or if the image is far from the site. Also if the
-    /// site has positions without a georeference.
+    /// If a corner of the image is outside the grid, or if the image does not fit a plan with square pixels of one
+    /// size. Also if the image is far from the site, or if the site has positions without a georeference.
     pub fn plan_on_map(
         &self,
         image: Option<String>,
@@ -208,7 +208,7 @@ impl Site {
 }
 
 impl Georeference {
-    /// Returns the georeference with world (0, 0) at one corner of an image, and +x toward another.
+    /// Returns the georeference with world (0, 0) at `corner` and +x toward `toward`, which are corners of an image.
     fn of_image(corner: Geographic, toward: Geographic) -> Self {
         let to_right = TangentPlane::new(corner, std::f64::consts::FRAC_PI_2).to_world(toward);
         Self {

@@ -14,9 +14,9 @@ use crate::view::CameraViewError;
 /// Error of a measurement.
 #[derive(Clone, Debug, PartialEq)]
 pub enum MeasurementError {
-    /// The kind needs more points.
+    /// The measurement has too few points for its kind.
     TooFewPoints {
-        /// Number of points that the kind needs.
+        /// Smallest number of points for this kind of measurement.
         least: usize,
         /// Number of points of the measurement.
         found: usize,
@@ -51,7 +51,7 @@ pub enum MeasurementError {
         /// Id of the plane.
         plane: String,
     },
-    /// A speed needs a duration, or the times of its first and last point, the last one later.
+    /// A speed has neither a duration nor times of its first and last point, or the last time is not the later one.
     NoDuration,
     /// The second point of a height is not above the first.
     NotAbove,
@@ -108,7 +108,8 @@ impl Site {
     /// of jointly solved cameras. It is `None` if the result depends on a camera parameter of unknown uncertainty.
     ///
     /// # Errors
-    /// If a camera is not calibrated, a point is not on the visible floor, or a time is missing.
+    /// If points or times are missing, or a camera is not calibrated. Also if a point is not on the visible floor, or
+    /// if two cameras have no common coordinate system.
     pub fn measure(&self, measurement: &Measurement) -> Result<Measured, MeasurementError> {
         let Measurement { kind, points, .. } = measurement;
         let least = kind.min_points();
@@ -120,7 +121,7 @@ impl Site {
             views.iter().map(|(entry, view)| (*entry, *view.camera())).unzip();
         let between = |a: usize, b: usize| {
             if entries[a].id == entries[b].id {
-                // Two periods of one camera are calibrated separately.
+                // Two periods of one camera are calibrated separately, so their errors are independent.
                 return Some([[0.0; Covariance::SIZE]; Covariance::SIZE]);
             }
             let ids = [entries[a].id.as_str(), entries[b].id.as_str()];
@@ -219,9 +220,9 @@ impl Site {
     }
 }
 
-/// Returns the lower and the upper limit of a speed whose times are whole seconds: the duration can be wrong by
-/// almost one second. The upper limit is `None` for a duration of one second. Returns `None` if the times are finer,
-/// or if the duration was entered.
+/// Returns the smallest and the largest possible speed if the times are whole seconds: the duration can then be wrong
+/// by almost one second. The largest speed is `None` for a duration of one second. Returns `None` if the times are
+/// finer, if the duration was entered, or for another kind of measurement.
 #[must_use]
 pub fn speed_limits(measurement: &Measurement, speed: f64) -> Option<(f64, Option<f64>)> {
     let seconds = duration(&measurement.points).filter(|_| measurement.duration_s.is_none())?;
@@ -240,7 +241,7 @@ pub fn speed_limits(measurement: &Measurement, speed: f64) -> Option<(f64, Optio
 /// Cameras of a measurement, each once, and its points.
 type Converted<'a> = Result<(Vec<(&'a SiteCamera, CameraView)>, Vec<RulerPoint>), MeasurementError>;
 
-/// Returns the time from the first to the last point, in seconds.
+/// Returns the time from the first to the last point, in seconds; `None` if it is unknown or not positive.
 fn duration(points: &[MeasurementPoint]) -> Option<f64> {
     let time = |point: &MeasurementPoint| point.at.as_ref()?.parse::<Timestamp>().ok();
     let seconds = time(points.last()?)?.duration_since(time(points.first()?)?).as_secs_f64();

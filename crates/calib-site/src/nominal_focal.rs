@@ -1,9 +1,8 @@
 //! Focal length from the data sheet of a camera: fields of view, or millimetres with the size of the sensor.
 //!
-//! A focal length `f_mm` on a sensor of the width `s_mm` is `f = f_mm w / s_mm` pixels, for an image of the
-//! width w that shows the whole sensor. A field of view belongs to the image as it is, with distortion. The
-//! focal length solves `atan(a / f) + atan(b / f) = field`, where a and b are the undistorted distances of
-//! both ends from the principal point.
+//! A focal length `f_mm` on a sensor of the width `s_mm` is `f = f_mm w / s_mm` pixels, for an image of width w that
+//! shows the whole sensor. A field of view belongs to the distorted image. The focal length solves `atan(a / f) +
+//! atan(b / f) = field`, where a and b are the undistorted distances of both ends from the principal point.
 
 use calib_core::camera::{Camera, Lens, Pixel};
 use calib_core::outcome::Finding;
@@ -12,12 +11,13 @@ use calib_core::single::Known;
 use crate::data_sheet::{DataSheet, NOMINAL_SIGMA_REL, Nominal, sensor_diagonal_mm};
 use crate::document::{LensEntry, SiteCamera};
 
-/// Relative standard deviation of the size of a sensor from its optical format, which is a rounded name.
+/// Relative standard deviation of a sensor size that is derived from the optical format, which is a rounded name.
 const FORMAT_SIGMA_REL: f64 = 0.03;
 
 impl SiteCamera {
-    /// Returns the focal length in pixels from the data sheet of the camera, under its lens; `None` if nothing is
-    /// entered. Several values are averaged with their inverse variances as weights; a fixed value is used alone.
+    /// Returns the focal length in pixels from the data sheet of the camera, for the distortion and principal point
+    /// of `lens`; `None` if no usable value is entered. Several values are averaged with their inverse variances as
+    /// weights; a fixed value is used alone.
     #[must_use]
     pub fn data_sheet_focal(&self, lens: &Lens) -> Option<Known> {
         let entry = self.lens.as_ref()?;
@@ -82,7 +82,7 @@ fn focal_from_field(
     }
 }
 
-/// Returns the focal length in pixels from millimetres and the size of the sensor.
+/// Returns the focal length in pixels from millimetres and the size of the sensor; `None` if one of them is unknown.
 fn focal_from_millimetres(entry: &LensEntry, [width, height]: [f64; 2]) -> Option<Known> {
     let Known { value, fixed, sigma } = entry.focal_mm?.known();
     let (sensor_width, sensor_sigma) = match (entry.sensor_mm, &entry.sensor) {
@@ -102,7 +102,7 @@ fn focal_from_millimetres(entry: &LensEntry, [width, height]: [f64; 2]) -> Optio
 /// Contradiction between the data sheet and the lines of a camera.
 #[derive(Clone, Debug)]
 pub(crate) struct DataSheetConflict {
-    /// Focal length of the data sheet, in pixels.
+    /// Focal length from the data sheet, in pixels.
     pub(crate) entered: Known,
     /// Camera that the lines determine without the data sheet.
     pub(crate) of_lines: Camera,

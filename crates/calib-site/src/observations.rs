@@ -48,15 +48,15 @@ pub(crate) struct UnusedEvidence {
 /// Standard deviation of a fixed length, in metres: the accuracy of a steel tape.
 const EXACT_LENGTH_SIGMA_M: f64 = 1e-4;
 
-/// Converts a known length to a prior; `None` without a standard deviation.
+/// Converts a known length to a prior; `None` if it is not fixed and has no standard deviation.
 fn prior(known: Known) -> Option<Prior> {
     let sigma = if known.fixed { Some(EXACT_LENGTH_SIGMA_M) } else { known.sigma };
     sigma.map(|sigma| Prior { value: known.value, sigma: sigma.max(EXACT_LENGTH_SIGMA_M) })
 }
 
 impl Site {
-    /// Collects the landmarks and distances of the site, including those that are switched off. Only
-    /// observations by participating cameras are included.
+    /// Collects the landmarks and distances of the site, including the items that are switched off. `is_there`
+    /// selects the cameras whose observations are included.
     pub(crate) fn site_observations(
         &self,
         single_fits: &[Result<SingleFit, Failure>],
@@ -106,8 +106,8 @@ impl Site {
         shared
     }
 
-    /// Returns the landmark of a control point. `noise` is the standard deviation of its pixel coordinates if it
-    /// has none itself, in pixels. `None` if the position is unknown.
+    /// Returns the landmark of a control point; `None` if its position is unknown. `noise` is the standard deviation
+    /// of its pixel coordinates if none is entered for the point, in pixels.
     pub(crate) fn control_point_landmark(
         &self,
         point: &ControlPointEntry,
@@ -124,7 +124,8 @@ impl Site {
         Some(Landmark { keep: point.keep, off: point.off, ..landmark })
     }
 
-    /// Returns the landmark of a link. A point with geographic coordinates is a measured point of known height.
+    /// Returns the landmark of a link. A link with geographic coordinates becomes a measured point. Its height is
+    /// exact if no altitude is entered.
     fn link_landmark(
         &self,
         link: &Link,

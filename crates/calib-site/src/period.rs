@@ -99,7 +99,8 @@ impl Site {
 }
 
 impl Site {
-    /// Returns the longest camera id that a file name equals or starts with: `door` for `door_20260501_0830`.
+    /// Returns the longest camera id that a file name starts with, if no letter or digit follows: `door` for
+    /// `door_20260501_0830`.
     #[must_use]
     pub fn camera_id_from_name(&self, name: &str) -> Option<&str> {
         let is_named = |id: &&str| {

@@ -37,7 +37,7 @@ use calib_core::single::{
 pub struct Report {
     /// Results of the requested cameras, each with its index in the site.
     pub cameras: Vec<(usize, Result<Solution, FailureEntry>)>,
-    /// Findings or failure of each of these cameras, as values, in the same order.
+    /// Findings or failure of each of these cameras in the same order, not yet converted to sentences.
     pub findings: Vec<Result<Vec<Finding>, Failure>>,
     /// Results of the links of the site; `None` for unused links.
     pub links: Vec<Option<ElementSolution>>,
@@ -47,7 +47,7 @@ pub struct Report {
     pub planes: Vec<Option<PlaneSolution>>,
     /// Results for the site as a whole.
     pub site: SiteSolution,
-    /// Findings about the site as a whole, as values.
+    /// Findings about the site as a whole, not yet converted to sentences.
     pub site_findings: Vec<Finding>,
 }
 
@@ -472,12 +472,12 @@ fn add_single_findings(entry: &SiteCamera, first: &SingleFit, camera: &Camera, r
     }
 }
 
-/// Reports an entered principal point that is outside the image, or far from its centre while lines contradict
-/// each other. The lens then probably belongs to another resolution. A principal point of another resolution is
-/// shifted by a similar factor in x and y.
+/// Reports an entered principal point that is outside the image in u and v, or far from the image centre while lines
+/// contradict each other. The lens then probably belongs to another resolution. A principal point of another
+/// resolution is shifted by a similar factor in x and y.
 fn check_resolution(entry: &SiteCamera, first: &SingleFit) -> Option<Finding> {
-    /// Smallest ratio, or its inverse, of the entered principal point to the image centre that indicates another
-    /// resolution. A principal point of the same resolution is nearer to the image centre.
+    /// Smallest factor, in either direction, between the entered principal point and the image centre that indicates
+    /// another resolution. A principal point of the same resolution is nearer to the image centre.
     const MIN_RATIO: f64 = 1.3;
     /// Largest quotient of the ratios in u and v. Two resolutions can have different aspect ratios: 16:9 and 4:3
     /// differ by a factor of 1.33.

@@ -12,7 +12,8 @@ use calib_core::single::{
     MAX_OVERLAP_DISTANCE_PX, floor_finding, grid, placed_floor_length_rel, placed_floor_shape_rel,
 };
 
-/// Relative standard deviation of a height from placement, when a polygon is dragged and scaled on a plan.
+/// Relative standard deviation of a camera height from a placement, for which the operator drags and scales a polygon
+/// on a plan.
 const PLACED_HEIGHT_SIGMA_REL: f64 = 0.02;
 
 impl Site {
@@ -180,8 +181,8 @@ fn control_point_misfit(entry: &SiteCamera, solution: &Solution) -> Option<Findi
     })
 }
 
-/// Combines the height from placement with the entered or estimated height, weighted by their information.
-/// The height of a fixed placement is used as it is.
+/// Combines the height from placement with the estimated height, weighted by their information. The height of a fixed
+/// placement is used unchanged; otherwise a fixed entered height is used unchanged.
 fn join_heights(
     first: &Camera,
     by_hand: Camera,

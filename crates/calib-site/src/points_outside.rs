@@ -98,7 +98,7 @@ impl Site {
         entry: &SiteCamera,
         shared: &SharedObservations,
     ) -> Option<Finding> {
-        // The image of a window does not show all of the calibrated image, on which lines may have been drawn.
+        // The image of a window does not show all of the calibrated image, in which lines may have been annotated.
         if entry.lens.as_ref().is_some_and(|lens| lens.window_px.is_some()) {
             return None;
         }

@@ -96,8 +96,8 @@ impl UsedPoints {
         }
     }
 
-    /// Returns exact points as landmarks of a bundle adjustment with one camera. `sigma` is the standard
-    /// deviation of a pixel coordinate, in pixels.
+    /// Returns the points as landmarks with exact positions, for a bundle adjustment with one camera. `sigma` is the
+    /// standard deviation of a pixel coordinate, in pixels.
     pub(crate) fn landmarks(&self, sigma: f64) -> Vec<Landmark> {
         let seen = |pixel| vec![Observation { sigma, ..Observation::new(0, pixel) }];
         self.points.iter().map(|point| Landmark::measured(point.world, None, seen(point.pixel))).collect()

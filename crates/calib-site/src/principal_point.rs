@@ -20,7 +20,7 @@ impl PrincipalPointEntry {
         Self { value, sigma: None }
     }
 
-    /// Returns the entry for an image that is larger by this factor.
+    /// Returns the entry for an image that is enlarged by the factor `by`.
     #[must_use]
     pub fn scaled(self, by: f64) -> Self {
         let Pixel { u, v } = self.value;

@@ -181,7 +181,7 @@ impl ImageTransfer for WindowMap {
     }
 }
 
-/// Ends the period of an entry at a time and keeps its solution.
+/// Ends the period of an entry at `since` and keeps its solution, so that solving does not recompute it.
 fn end_period(old: &SiteCamera, since: &str) -> SiteCamera {
     let solution = old.solution.clone().map(|solution| {
         let method = if solution.method.is_entered() { solution.method } else { Method::Kept };
@@ -330,14 +330,15 @@ fn segments(annotation: &Annotation, line: &mut TransferLine<'_>) -> Option<Anno
     let is_of_first = row.constraint == calib_core::single::ConstraintKind::RightAngle;
     let is_usable = !is_of_first || carried.first().is_some_and(Option::is_some);
     let carried: Vec<Vec<Pixel>> = carried.into_iter().flatten().collect();
-    // An annotation that others refer to is kept, even without segments.
+    // An annotation with an id is kept, even without segments, because others may refer to it.
     let is_named = annotation.id.is_some() && !is_of_first;
     (is_usable && (!carried.is_empty() || is_named))
         .then(|| Annotation { segments: Some(carried), ..annotation.clone() })
 }
 
-/// Returns the known lens values after the rotation and zoom. The distortion in pixels does not change: it is
-/// fitted again if all straight edges were transferred, otherwise it is fixed.
+/// Returns the known lens values after the rotation and zoom. `refits` is whether all straight edges were
+/// transferred. If so, a fitted distortion is fitted again. Otherwise the old distortion is fixed, because a rotation
+/// and a zoom do not change it in pixels.
 fn lens(old: &SiteCamera, camera: &Camera, turn: &RotationZoom, refits: bool) -> Option<LensEntry> {
     let movement = turn.pan_tilt_zoom(camera);
     let scaled = |known: Known| {
@@ -379,7 +380,8 @@ fn lens(old: &SiteCamera, camera: &Camera, turn: &RotationZoom, refits: bool) ->
     (lens != LensEntry::default()).then_some(lens)
 }
 
-/// Returns the entered height if it is fixed, otherwise a prior from the old solution.
+/// Returns the entered height if it is fixed, otherwise a prior from the old solution. If the solution has no
+/// standard deviation of the height, the entered height is returned.
 fn height(old: &SiteCamera, camera: &Camera) -> Option<Known> {
     let sigma = camera.covariance.sigma(Covariance::Z);
     let found = sigma.map(|sigma| Known::prior(camera.position.z, sigma));

@@ -56,7 +56,7 @@ document! {
     }
 }
 
-/// Implemented by hand, so that an error names the wrong key.
+/// Not derived, because the derived implementation would not name the wrong key in an error.
 impl<'de> Deserialize<'de> for SceneEntry {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct WordOrSigmas;

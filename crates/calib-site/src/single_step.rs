@@ -30,7 +30,7 @@ pub(crate) type LensOwners = BTreeMap<String, Result<SingleFit, Failure>>;
 pub(crate) struct SharedInputs<'a> {
     /// Shared lenses that are already estimated.
     pub(crate) owners: &'a LensOwners,
-    /// Lens fits of an earlier calibration.
+    /// Lens fits that are already computed.
     pub(crate) known: &'a LensCache,
     /// Cameras that share the lens of another camera.
     pub(crate) lenses: &'a SharedLenses<'a>,
@@ -85,11 +85,12 @@ pub(crate) struct SingleFit {
     pub(crate) constraints: Constraints,
     /// Parameters that were not estimated.
     pub(crate) fixed: FixedParameters,
-    /// Maximum-likelihood fit to the lines. `None` if only control points determine the camera.
+    /// Maximum-likelihood fit to the lines; `None` if no such fit was computed, for example if only control points
+    /// determine the camera.
     pub(crate) fit: Option<Fit>,
-    /// Whether control points determine the camera, alone or together with the lines.
+    /// Whether control points, or the points of a mark, determine the camera, alone or together with the lines.
     pub(crate) is_from_points: bool,
-    /// Whether control points also determine the distortion of the lens.
+    /// Whether these points also determine the distortion of the lens.
     pub(crate) has_lens_from_points: bool,
     /// Index of the mark whose points determine the camera; `None` for control points and lines.
     pub(crate) mark: Option<usize>,
@@ -190,7 +191,7 @@ impl Site {
         let searches_lens = inputs.constraints.is_empty() && inputs.is_lens_open();
         let points = UsedPoints::new(self, entry);
         let of_points = points.options(entry, inputs.lens_estimate.lens, fixed);
-        // The mark, the control points that contradict the fit, and the fit.
+        // Each closure returns the mark, the control points that contradict the fit, and the fit.
         let by_control_points = || {
             points.determined(&of_points, searches_lens).map(|found| (None, points.suspects(&found), found))
         };
@@ -263,7 +264,7 @@ impl SingleInputs<'_> {
         roll.is_none() || pitch.is_none() || focal.is_none()
     }
 
-    /// Whether nothing determines the distortion: there is no entry, no shared lens, no fit to edges and no image
+    /// Whether the distortion is undetermined: there is no entry, no shared lens, no fit to edges and no image
     /// circle.
     fn is_lens_open(&self) -> bool {
         let is_entered =
@@ -323,8 +324,8 @@ impl Site {
 
     /// Collects the other evidence of a camera.
     fn suggestion_context(&self, entry: &SiteCamera, shared: &SharedObservations) -> SuggestionContext {
-        /// Number of links from which no more links are suggested, because further ones add little
-        /// information.
+        /// Smallest number of links of a camera for which no further links are suggested, because they would add
+        /// little information.
         const MAX_LINKS_FOR_SUGGESTION: usize = 4;
         let links = shared.links(&entry.id).len();
         let is_placed = entry.placement.as_ref().is_some_and(|placement| placement.scale.is_some());
@@ -456,7 +457,7 @@ pub(crate) fn residual_entries(
 fn lens_covariance(lens_estimate: &LensEstimate) -> Covariance {
     let mut covariance = Covariance::EXACT;
     if let Some(fit) = lens_estimate.fit.as_ref().filter(|fit| fit.fitted.is_some()) {
-        // For a fisheye, the parameter is the log of the camera's focal length.
+        // For a fisheye, the focal parameter of the lens fit is the log of the focal length of the camera.
         let focal = lens_estimate.lens.focal;
         let place = |k: usize| match k {
             Lens::LENS_FOCAL if lens_estimate.lens.distortion.is_wide() => (Covariance::FOCAL, focal),

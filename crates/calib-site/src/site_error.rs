@@ -37,7 +37,7 @@ pub enum SiteErrorKind {
         /// Largest accepted number of values.
         most: usize,
     },
-    /// The value is not allowed here.
+    /// The value is not allowed at this position.
     Unexpected {
         /// Invalid value, as text.
         found: String,
@@ -46,7 +46,7 @@ pub enum SiteErrorKind {
     },
 }
 
-/// Camera and annotation that contain an invalid value, by the operator's names.
+/// Camera and annotation that contain an invalid value, with the names that the operator gave them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ErrorSubject {
     /// Id of the camera.

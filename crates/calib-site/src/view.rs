@@ -172,8 +172,8 @@ fn entry_from_failure<'a>(
 mod tests {
     use super::*;
 
-    /// Solves a camera whose orientation is determined by three verticals and two floor directions, with the
-    /// given JSON for its height.
+    /// Solves a camera whose orientation is determined by three verticals and two floor directions. `height` is
+    /// additional JSON of the camera, for its height.
     fn solved(height: &str) -> Site {
         let text = format!(
             r#"{{"format": "calib-site", "version": 1, "cameras": [{{"id": "door", "size_px": [1920, 1080]{height},

@@ -46,7 +46,7 @@ impl TableBoxForm {
     }
 }
 
-/// Names of the columns of boxes, in any case, and the form that they mean.
+/// Names of the columns of boxes, in upper or lower case, and the form of the box that these names mean.
 const LAYOUTS: [([&str; 4], BoxForm); 11] = [
     (["x", "y", "w", "h"], BoxForm::CornerSize),
     (["left", "top", "width", "height"], BoxForm::CornerSize),
@@ -176,7 +176,7 @@ impl Boxes {
     ///
     /// # Errors
     ///
-    /// Fails if the numbers show that another form is meant.
+    /// Fails if the numbers show that another form is meant, or if fractions lack a stated form or a stream size.
     fn are_normalised(
         &self,
         columns: &BoxColumns,
@@ -194,7 +194,7 @@ impl Boxes {
         let rows: Vec<[f64; 4]> = (0..a.len())
             .map(|row| [a[row], b[row], c[row], d[row]])
             .filter(|numbers| numbers.iter().all(|number| number.is_finite()))
-            // Some detectors write boxes of zeros if they see nothing.
+            // Some detectors write boxes of zeros if they detect no object.
             .filter(|numbers| numbers.iter().any(|number| *number != 0.0))
             .collect();
         if rows.is_empty() {
@@ -235,7 +235,7 @@ fn check_corners(
     columns: &BoxColumns,
     wording: Wording,
 ) -> Result<(), TableError> {
-    /// Share of the image's size by which a box can end outside the image.
+    /// Largest accepted excess of a box beyond the border of the image, relative to the size of the image.
     const MARGIN: f64 = 0.02;
     let [right, bottom] = [width, height].map(|side| (1.0 + MARGIN) * side);
     let ends_outside = |&&[x, y, w, h]: &&[f64; 4]| x + w > right || y + h > bottom;

@@ -95,7 +95,7 @@ impl Planes {
 /// another id in every row.
 const MAX_UNCALIBRATED_IDS: usize = 1000;
 
-/// Camera of the rows.
+/// Source of the camera ids of the rows.
 #[derive(Clone, Debug)]
 pub enum CameraSource {
     /// One camera for all rows.

@@ -1,7 +1,7 @@
 //! Conversion of columns to the few types used for computing: doubles, integers, text, nanoseconds.
 //!
-//! Arrow's own `cast` converts between all types. Its code is larger than the rest of this crate including
-//! the dependencies.
+//! Arrow's own `cast` converts between all types, but is not used: its code is larger than the rest of this crate,
+//! including the dependencies.
 
 use arrow_array::cast::AsArray as _;
 use arrow_array::types::{

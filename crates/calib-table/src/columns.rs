@@ -20,7 +20,8 @@ pub type RowName<'a> = &'a dyn Fn(usize) -> String;
 pub enum BadRows {
     /// The run stops, and no output file is written
     Fail,
-    /// The row gets a status: missing if it is incomplete or has no number, no-calibration if it has no time
+    /// The row gets a status: `missing` if it is incomplete or a number is invalid, `no-calibration` if its time is
+    /// invalid
     Status,
 }
 
@@ -88,7 +89,8 @@ impl BadCells {
     }
 }
 
-/// Returns the column with a name, or otherwise with this name in another case. JSON values become plain text.
+/// Returns the column with this name, otherwise a column whose name differs only in upper and lower case. JSON values
+/// become plain text.
 pub(crate) fn column(batch: &RecordBatch, name: &str) -> Option<ArrayRef> {
     let schema = batch.schema();
     let in_any_case = || schema.fields().iter().position(|field| field.name().eq_ignore_ascii_case(name));

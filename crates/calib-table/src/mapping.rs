@@ -194,7 +194,8 @@ impl Mapping {
     ///
     /// # Errors
     ///
-    /// Fails if an input column is missing, an output column exists already, or a cell is invalid.
+    /// Fails if an input column is missing, an output column exists already, or a cell is invalid. Also fails if
+    /// geographic or grid columns are requested for a site without a georeference.
     pub fn map(
         &self,
         batch: &RecordBatch,
@@ -241,7 +242,7 @@ impl Mapping {
     }
 
     /// Returns latitude and longitude, in degrees, and east and north in the grid. If uncertainties are computed,
-    /// also returns the standard deviations toward east and north, in metres: of the pixel, and of the
+    /// also returns the standard deviations toward east and north, in metres: from the pixel noise, and from the
     /// calibration with the georeference.
     fn geographic_columns(
         &self,
@@ -466,7 +467,7 @@ impl MappedPoints {
         Self { x: nothing(), y: nothing(), status: vec![Status::NoCalibration; rows], sigmas, plane_points }
     }
 
-    /// Copies the mapped values of a subset of the rows into `rows`, the indices of these rows.
+    /// Copies mapped values into a subset of the rows. `rows` contains the row index of each value in `some`.
     fn put(&mut self, rows: &[usize], some: &Self) {
         for (i, &row) in rows.iter().enumerate() {
             (self.x[row], self.y[row], self.status[row]) = (some.x[i], some.y[i], some.status[i]);
@@ -479,7 +480,8 @@ impl MappedPoints {
         }
     }
 
-    /// Returns the geographic coordinates of the points; `None` for a row without a point.
+    /// Returns the geographic coordinates of the points; `None` for a row without a point. `height` is the height of
+    /// all points if the site has no planes, in metres.
     fn geographic_points(
         &self,
         plane: &TangentPlane,

@@ -56,12 +56,12 @@ pub struct SightingColumns {
 }
 
 impl SightingColumns {
-    /// Reads the sightings of a batch, with cameras as indices into [`Calibrations::cameras`]. Rows without a
-    /// calibration, a time or a number are left out.
+    /// Reads the sightings of a batch, with cameras as indices into [`Calibrations::cameras`]. Incomplete rows, and
+    /// rows without a calibration, a time or a foot point, are left out.
     ///
     /// # Errors
     ///
-    /// Fails if a column is missing or has an invalid cell.
+    /// Fails if the time column is unknown, or if a column is missing or has an invalid cell.
     pub fn read(
         &self,
         batch: &RecordBatch,
@@ -155,7 +155,8 @@ enum Detections {
     Feet([Vec<f64>; 2]),
 }
 
-/// Detection of a person: foot, head and box width, in pixels of the stream; NaN for an unknown value.
+/// Detection of a person: foot, head and box width, in pixels of the stream. An unknown foot or head is NaN, and an
+/// unknown width is 0.
 struct Detection {
     foot: [f64; 2],
     head: [f64; 2],

@@ -22,10 +22,10 @@ impl fmt::Debug for Credentials {
     }
 }
 
-/// Options for the reading of an address.
+/// Options for reading an image from an address.
 #[derive(Clone, Debug)]
 pub struct SnapshotOptions {
-    /// Name and password; those in the address are preferred.
+    /// Name and password, used if the address contains none.
     pub credentials: Option<Credentials>,
     /// Longest time for reading an address.
     pub timeout: Duration,
@@ -53,7 +53,7 @@ pub struct Snapshot {
 /// Kind of a [`SnapshotError`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SnapshotErrorKind {
-    /// The address, or what it returned, is not usable.
+    /// The address or its response is not usable.
     Invalid,
     /// The camera requires a user name and a password.
     NoCredentials,
@@ -123,7 +123,8 @@ fn shown(address: &str) -> String {
     }
 }
 
-/// Whether a text contains a part of an address that may be secret: its query, or words of it such as `password=x`.
+/// Whether a text may reveal a secret of an address: it contains a value such as in `password=x`, or any address if
+/// this address has such values.
 fn repeats(text: &str, address: &str) -> bool {
     let rest = address.split_once("://").map_or(address, |(_, rest)| rest);
     let parts = rest.split(['/', '?', '#', '&', '_', '@']).skip(1);

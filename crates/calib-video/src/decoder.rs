@@ -127,12 +127,12 @@ fn parameter_sets(record: &[u8]) -> Vec<&[u8]> {
     found
 }
 
-/// Planes of brightness and colour of a frame, with samples of 8 bits.
+/// Luma and chroma planes of a frame, with samples of 8 bits.
 struct Planes {
     size: [u32; 2],
-    /// Brightness, then both differences of colour.
+    /// Luma (Y), then chroma (Cb and Cr).
     planes: [Vec<u8>; 3],
-    /// Width and height of the planes of colour.
+    /// Width and height of the chroma planes.
     colour_size: [u32; 2],
 }
 
@@ -164,8 +164,8 @@ fn planes_of_h265(frame: &rust_h265::Frame) -> Planes {
 }
 
 impl Planes {
-    /// Converts the planes to colours: BT.601, or BT.709 for images of at least 720 rows, with the usual limited
-    /// range.
+    /// Converts the planes to RGB with BT.601, or with BT.709 for images of at least 720 rows. The samples have the
+    /// usual limited range.
     fn to_image(&self) -> Result<RgbImage, VideoError> {
         /// Smallest height of images with the colours of BT.709, in pixels.
         const HIGH_DEFINITION: u32 = 720;
@@ -179,7 +179,7 @@ impl Planes {
         if !is_whole || w == 0 || h == 0 || cw == 0 || ch == 0 {
             return Err(VideoError::Broken("a frame is not complete".into()));
         }
-        // Weights of red and blue in the brightness.
+        // Weights of red and blue in the luma.
         let [kr, kb] = if h >= HIGH_DEFINITION { [0.2126, 0.0722] } else { [0.299, 0.114_f32] };
         let by_red = [2.0 * (1.0 - kr), 2.0 * (1.0 - kr) * kr / (1.0 - kr - kb)];
         let by_blue = [2.0 * (1.0 - kb), 2.0 * (1.0 - kb) * kb / (1.0 - kr - kb)];

@@ -114,7 +114,8 @@ fn get(
     request.call().map_err(|error| failed(uri, reason(&error)))
 }
 
-/// Returns the header `Authorization` for the challenge of a response: Digest if the camera offers it.
+/// Returns the header `Authorization` for the challenge of a response: Digest if the camera offers it, otherwise
+/// Basic.
 fn authorization(
     response: &Response<Body>,
     uri: &Uri,
@@ -123,7 +124,7 @@ fn authorization(
     use base64::Engine as _;
     let challenges = response.headers().get_all("WWW-Authenticate");
     let challenges: Vec<&str> = challenges.iter().filter_map(|value| value.to_str().ok()).collect();
-    // One header may offer both kinds.
+    // One header may offer both schemes.
     let digest =
         challenges.iter().find_map(|value| value.to_ascii_lowercase().find("digest ").map(|at| &value[at..]));
     let Some(digest) = digest else {

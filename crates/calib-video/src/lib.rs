@@ -1,9 +1,9 @@
 //! Still images from video files and from the addresses of cameras: single frames, and the median of several
 //! frames.
 //!
-//! Containers: MP4 and MOV (also fragmented), Matroska and `WebM`, AVI. Codecs: H.264, H.265 and motion JPEG.
-//! The pixels of a frame are those that a tracker gets from the same file: rotated as the file demands, and not
-//! scaled. [`Video::pixel_aspect`] returns their aspect.
+//! Containers: MP4 and MOV (also fragmented), Matroska and `WebM`, AVI. Codecs: H.264, H.265 and motion JPEG. Frames
+//! have the same pixels as in a tracker that reads the same file: rotated as the file demands, and not scaled.
+//! [`Video::pixel_aspect`] returns the aspect of these pixels.
 //!
 //! Rule: a file may be hostile. Sizes are checked before memory is allocated, and a panic in a library is an
 //! error of the file. The modules, in data-flow order:

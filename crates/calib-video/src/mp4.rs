@@ -17,7 +17,7 @@ const CONTAINERS: [&[u8; 4]; 12] = [
 const MAX_DEPTH: usize = 12;
 /// Largest number of boxes of a file.
 const MAX_BOXES: usize = 1_000_000;
-/// Largest length of a box of tables, in bytes.
+/// Largest length of a box inside another box, in bytes.
 const MAX_TABLE_BYTES: u64 = 1 << 28;
 
 /// Reads the first video stream.
@@ -69,7 +69,7 @@ struct Walk<'a> {
     boxes: usize,
     /// Number of frames of all tables so far.
     frames: usize,
-    /// Aspect of the box `pasp`: width of a pixel divided by its height.
+    /// Pixel aspect from the box `pasp`: width of a pixel divided by its height.
     pixel_width_by_height: f64,
 }
 
@@ -107,9 +107,9 @@ impl Walk<'_> {
 
     /// Checks one box, by its name and the range of its body.
     fn one_box(&mut self, name: &[u8; 4], [body, end]: [u64; 2], depth: usize) -> Result<(), VideoError> {
-        /// Position of the boxes in a description of samples: after a version and a count.
+        /// Position of the first box in the body of `stsd`, in bytes: after a version and a count.
         const DESCRIPTIONS: u64 = 8;
-        /// Position of the boxes in the description of a video sample.
+        /// Position of the first box in the description of a video sample, in bytes.
         const IN_DESCRIPTION: u64 = 78;
         match name {
             name if CONTAINERS.contains(&name) => self.boxes_between([body, end], depth + 1),
@@ -131,7 +131,7 @@ impl Walk<'_> {
         }
     }
 
-    /// Adds the number of frames at a position of the file.
+    /// Adds the number of frames that is stored at a position of the file.
     fn count_frames(&mut self, at: u64) -> Result<(), VideoError> {
         self.frames += self.number_at(at)? as usize;
         if self.frames > MAX_FRAMES { Err(VideoError::TooManyFrames) } else { Ok(()) }

@@ -9,8 +9,8 @@ use crate::http;
 #[cfg(feature = "rtsp")]
 use crate::rtsp;
 
-/// Reads the snapshot of an address: `http`, `https` or, with the feature `rtsp`, the next key frame of a video
-/// stream.
+/// Reads an image from an address: a snapshot by `http` or `https` or, with the feature `rtsp`, the next key frame of
+/// a video stream.
 ///
 /// # Errors
 ///

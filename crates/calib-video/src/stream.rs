@@ -72,7 +72,7 @@ fn next_unit(rest: &mut &[u8], length_size: Option<u8>) -> Option<u8> {
 pub(crate) struct Packet {
     /// Time at which the frame is shown, in seconds from the start of the video.
     pub(crate) time_s: f64,
-    /// Whether decoding can start here.
+    /// Whether decoding can start at this packet.
     pub(crate) is_key: bool,
     /// Position in the file and length, in bytes. In Matroska, the position is the number of the frame.
     pub(crate) bytes: [u64; 2],

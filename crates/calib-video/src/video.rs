@@ -40,7 +40,7 @@ pub struct Median {
     pub times_s: Vec<f64>,
 }
 
-/// Largest memory of the packets or images that are held at once, in bytes.
+/// Largest memory of the packets or images that are in memory at once, in bytes.
 const MAX_BYTES: u64 = 2 << 30;
 
 /// Frames to decode from a group of packets.
@@ -54,8 +54,8 @@ struct Request {
 
 /// Packets from a key frame to the next one.
 ///
-/// Frames that follow a key frame in the file can be shown before it. Some of them need the frames of the group
-/// before, too, and are decoded with that group: it ends with the next key frame and these frames.
+/// Frames that follow a key frame in the file can be shown before it. Some of them also need frames of the previous
+/// group. They are decoded with that group, which therefore also contains the next key frame and these frames.
 struct Group {
     packets: Vec<Packet>,
     /// Time of the next key frame, in seconds.
@@ -121,8 +121,8 @@ impl Video {
         if count > 1.0 { last * count / (count - 1.0) } else { last }
     }
 
-    /// Returns the pixel aspect of the frames, in the sense of `lens.pixel_aspect`: focal length in pixels
-    /// vertically divided by horizontally.
+    /// Returns the pixel aspect of the frames, as in `lens.pixel_aspect`: the vertical focal length in pixels divided
+    /// by the horizontal one.
     #[must_use]
     pub fn pixel_aspect(&self) -> f64 {
         let aspect = self.stream.pixel_width_by_height;
@@ -134,7 +134,7 @@ impl Video {
     ///
     /// # Errors
     ///
-    /// Fails if the time is after the end, or the frame cannot be decoded.
+    /// Fails if the time is outside the video, or the frame cannot be decoded.
     pub fn frame_at(&mut self, time_s: f64) -> Result<(f64, RgbImage), VideoError> {
         let duration_s = self.duration_s();
         if !(0.0..=duration_s).contains(&time_s) {
@@ -191,7 +191,7 @@ impl Video {
         progress: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Vec<(f64, RgbImage)>, VideoError> {
         let requests = self.requests(times_s);
-        // This container is read in one pass.
+        // A Matroska file is read in one pass.
         let whole = match self.container {
             Container::Matroska => {
                 let packets: Vec<Packet> =

@@ -142,8 +142,8 @@ const CHECKS: &[Check] = &[
             "target/fuzz-corpus/site",
             "crates/calib-site/fuzz/seeds",
             "--",
-            // The fixed seed makes failures depend on the code and not on chance. Run the fuzzer longer by
-            // hand.
+            // The fixed seed makes failures depend on the code and not on chance. Start longer runs
+            // manually.
             "-seed=1",
             "-runs=15000",
             "-max_len=16384",
@@ -388,8 +388,8 @@ impl Runner {
                 &corpus,
                 &seeds,
             ];
-            // The fixed seed makes failures depend on the code and not on chance. Run the fuzzer longer by
-            // hand.
+            // The fixed seed makes failures depend on the code and not on chance. Start longer runs
+            // manually.
             let options = ["--", "-seed=1", "-runs=10000", "-max_len=8192", "-rss_limit_mb=1024"];
             let mut cargo = self.command("cargo", check)?;
             cargo.args(command).args(options).env("RUSTC_BOOTSTRAP", "1").env("CALIB_FORMAT", format);

@@ -1,7 +1,7 @@
 //! `cargo xtask serve`: an HTTP server on the loopback interface, to test the files that a web host would
 //! serve.
 //!
-//! It also finds a compiler for wasm32 with the sources of the standard library, either from rustup or from
+//! This module also finds a compiler for wasm32 with the sources of the standard library, either from rustup or from
 //! Debian. The sources are needed to build the library optimised for size.
 
 use std::fs;

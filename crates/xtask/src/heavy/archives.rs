@@ -86,7 +86,7 @@ fn entry(index: u32) -> (Camera, SiteCamera) {
     (camera, entry)
 }
 
-/// Measures the projection of `ROWS` pixels with their status, batch by batch, in seconds.
+/// Returns the time for projecting `ROWS` pixels with their status, batch by batch, in seconds.
 fn project(entries: &[(Camera, SiteCamera)]) -> f64 {
     /// Number of pixels of a batch.
     const BATCH: usize = 8192;

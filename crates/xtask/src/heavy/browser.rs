@@ -86,8 +86,8 @@ fn script_command(out: &Path, script: &str, pictures: Option<&Path>, as_is: bool
     Ok(node)
 }
 
-/// Measures the native solve time of the demonstration's first camera, in milliseconds. The test compares the
-/// solve time in the browser with it.
+/// Measures the native solve time of the demonstration's first camera, in milliseconds. The test compares the solve
+/// time in the browser with this time.
 fn native_solve_ms() -> f64 {
     /// Number of measured solves.
     const RUNS: usize = 200;

@@ -11,8 +11,8 @@ use serde_json::{Map, Value};
 use crate::heavy::bench;
 use crate::tools;
 
-/// Table entries: key of our benchmark, label in the table, and function of the peer that it is compared
-/// with.
+/// Table entries: key of our benchmark, label in the table, and function of the peer with which the benchmark is
+/// compared.
 const ROWS: [(&str, &str, &str); 6] = [
     ("pixel_to_floor_ns", "pixels to floor", "`perspectiveTransform`"),
     ("distorted_pixel_to_floor_ns", "distorted pixels to floor", "`undistortPoints` alone"),

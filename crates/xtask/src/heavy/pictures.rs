@@ -61,7 +61,7 @@ fn write_jpeg(picture: &RgbImage, to: &Path) -> anyhow::Result<()> {
 
 /// Writes an animated PNG. Each frame after the first contains only the pixels that change.
 fn write_animation(frames: &[RgbImage], to: &Path) -> anyhow::Result<()> {
-    /// Time of one frame and of the last frame, in milliseconds.
+    /// Display time of a frame, and of the last frame, in milliseconds.
     const DELAYS_MS: [u16; 2] = [800, 4000];
     let first = frames.first().context("no frames")?;
     let (width, height) = first.dimensions();

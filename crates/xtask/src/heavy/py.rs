@@ -53,7 +53,7 @@ pub(crate) fn ultralytics(out: &Path, golden: &Path) -> anyhow::Result<()> {
     };
     let install = ["pip", "install", "--quiet", "--force-reinstall", "--no-deps"];
     run_command(python().args(install).arg(wheel_in(&out.join(QUICK))?))?;
-    // Warnings of Ultralytics are not errors here.
+    // Warnings of Ultralytics are not errors in this test.
     let test = ["pytest", "--quiet", "-W", "default", "tests/test_adapters.py", "-k", "ultralytics"];
     run_command(python().args(test).env("CALIB_GOLDEN", golden).env("CALIB_ULTRALYTICS", "1"))
 }

@@ -174,8 +174,8 @@ const DESERIALISATION: &str = "serde_core::de";
 /// Crates whose types are in site files and in answers of workers.
 const DOCUMENT: [&str; 3] = ["calib_site", "calib_core", "calib_plan"];
 
-/// Length below which a function stays in the first part, in bytes. A call into the second part takes as many
-/// bytes.
+/// Length below which a function stays in the first part, in bytes. A shorter function would not reduce the first
+/// part, because a call into the second part takes as many bytes.
 const MIN_LENGTH_BYTES: usize = 150;
 
 /// Modules whose functions always stay in the first part. The compiler merges identical instances for many
@@ -252,8 +252,8 @@ struct Function<'a> {
 
 /// Returns the functions that have a name.
 ///
-/// Fails if the program has several tables, because older versions of wasm-split place all functions in the
-/// first.
+/// Fails if the program has several tables, because older versions of wasm-split place all functions in the first
+/// table.
 fn functions(program: &[u8]) -> anyhow::Result<Vec<Function<'_>>> {
     let (mut imported, mut lengths, mut functions) = (0, Vec::new(), Vec::new());
     for payload in Parser::new(0).parse_all(program) {

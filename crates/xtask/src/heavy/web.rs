@@ -75,8 +75,8 @@ pub(crate) fn gzipped_sizes() -> anyhow::Result<[usize; 2]> {
 /// Writes the program for the browser, with its function names, and the JavaScript glue.
 fn bind(built: &Path, glue: &Path) -> anyhow::Result<()> {
     fs::create_dir_all(glue)?;
-    // The section also lists features of the standard library, which may have been compiled with reference
-    // types.
+    // The section `target_features` also lists features of the standard library, which may have been compiled with
+    // reference types.
     let program = without_section(&fs::read(built)?, "target_features")?;
     Bindgen::new()
         .input_bytes("app", program)
