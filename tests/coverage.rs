@@ -226,7 +226,7 @@ fn periods_and_groups_of_cameras_are_not_mixed() {
         "c",
     ];
     let refused = scratch.calib(&measure).expect_code(4);
-    assert!(refused.stderr.contains("common coordinates"), "{}", refused.stderr);
+    assert!(refused.stderr.contains("no common coordinate system"), "{}", refused.stderr);
     // A placement on the plan gives the first group the coordinates of the site.
     site.cameras[0].placement = Some(serde_json::from_str("{}").unwrap());
     scratch.write("groups.json", site.to_json());
