@@ -158,7 +158,10 @@ enum CalibResult calib_site_calibrate(const struct CalibSite *site,
 // # Safety
 // `site` is a handle that is not freed during the call. `size` bytes of `buffer` and `*needed` can be
 // written.
-enum CalibResult calib_site_json(const struct CalibSite *site, char *buffer, size_t size, size_t *needed);
+enum CalibResult calib_site_json(const struct CalibSite *site,
+                                 char *buffer,
+                                 size_t size,
+                                 size_t *needed);
 
 // Writes the number of camera entries, calibrated or not, into `*count`.
 //
