@@ -153,15 +153,12 @@ enum CalibResult calib_site_calibrate(const struct CalibSite *site,
 
 // Writes a site as zero-terminated JSON text into `buffer`, and the required size in bytes into `*needed`.
 //
-// `size` is the size of `buffer`. `needed` may be null. Call the function with a size of 0 to get the required size.
+// `size` is the size of `buffer`. `needed` may be null. Call with a size of 0 to get the required size.
 //
 // # Safety
 // `site` is a handle that is not freed during the call. `size` bytes of `buffer` and `*needed` can be
 // written.
-enum CalibResult calib_site_json(const struct CalibSite *site,
-                                 char *buffer,
-                                 size_t size,
-                                 size_t *needed);
+enum CalibResult calib_site_json(const struct CalibSite *site, char *buffer, size_t size, size_t *needed);
 
 // Writes the number of camera entries, calibrated or not, into `*count`.
 //

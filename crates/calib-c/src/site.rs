@@ -76,7 +76,7 @@ pub unsafe extern "C" fn calib_site_calibrate(
 
 /// Writes a site as zero-terminated JSON text into `buffer`, and the required size in bytes into `*needed`.
 ///
-/// `size` is the size of `buffer`. `needed` may be null. Call the function with a size of 0 to get the required size.
+/// `size` is the size of `buffer`. `needed` may be null. Call with a size of 0 to get the required size.
 ///
 /// # Safety
 /// `site` is a handle that is not freed during the call. `size` bytes of `buffer` and `*needed` can be
