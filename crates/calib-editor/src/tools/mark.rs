@@ -293,9 +293,7 @@ impl Corners {
             } else {
                 format!("{id} cannot be solved with this size. ")
             };
-            let note = format!(
-                "{solved}Choose a court, or enter the width and depth, in the panel \u{201c}Marks\u{201d}."
-            );
+            let note = format!("{solved}Choose a court, or enter the width and depth, in the Marks panel.");
             session.note = Some(note);
         }
     }

@@ -196,8 +196,7 @@ impl Measure {
             kind.name()
         ));
         if is_speed && !has_times {
-            let what =
-                "Enter the time between the points, in seconds, in the panel \u{201c}Measurements\u{201d}.";
+            let what = "Enter the time between the points, in seconds, in the Measurements panel.";
             session.note = Some(what.into());
         }
     }

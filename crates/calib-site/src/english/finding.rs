@@ -241,7 +241,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
             "If you trust the calibration, pass --allow uncertainty-unknown to calib check. If not, add standard \
              deviations (\"sigma\" in the solution), or draw lines and solve."
         }
-        F::OutOfDate { .. } => "Solve the site again: calib solve, or Refine all (F9) in the app.",
+        F::OutOfDate { .. } => "Solve the site again: run calib solve, or choose Refine all (F9) in the app.",
         F::BelowFloor { .. } => {
             "Check the height of the camera. In an imported calibration, the z axis must point up."
         }
@@ -277,7 +277,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         }
         F::UncheckedPoints { .. } => "Click another point, or draw lines.",
         F::UnknownSlope { .. } => {
-            "State the slope of the ground: choose the scene in the app, or enter floor_tilt_sigma_deg in \"scene\". Or draw a right angle on the ground."
+            "Choose the scene type in the app, or enter floor_tilt_sigma_deg in \"scene\". Or draw a right angle on the ground."
         }
         F::ExchangedControlPoints { .. } => EXCHANGE,
         F::ScaleConflict { .. } => {
@@ -543,7 +543,7 @@ fn lens(finding: &Finding) -> String {
 }
 
 /// Advice for pixels that are probably not square.
-const ENTER_ASPECT: &str = "If round objects look squeezed in the image, enter the stated aspect as \
+const ENTER_ASPECT: &str = "If round objects look squeezed in the image, enter the aspect from this message as \
                             lens.pixel_aspect. If they look round, enter 1.";
 /// Advice for a roll that the verticals do not determine.
 const ANOTHER_VERTICAL: &str = "Draw another vertical, far to the side of the first, or fix lens.roll_deg.";
