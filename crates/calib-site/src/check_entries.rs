@@ -428,7 +428,7 @@ pub(crate) fn check_distortion(at: &At, entry: &DistortionEntry, focal: Option<f
         let what = match which {
             Coefficient::Xi => "a number above -1 and up to 1e6",
             Coefficient::Alpha => "a number between 0 and 1",
-            Coefficient::Beta => "a number from 1e-6 to 1e6",
+            Coefficient::Beta => "a number above 0, from 1e-6 to 1e6",
             _ => "a number between -1e6 and 1e6",
         };
         Bounds { low, high, what }.check(&at.key(key), value)?;
