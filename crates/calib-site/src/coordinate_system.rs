@@ -4,7 +4,8 @@
 //! ellipsoid first, and never directly to the world coordinates of a site.
 //!
 //! Datums are converted by their 3- or 7-parameter transformation, without shift grids. Old national datums can
-//! therefore be wrong by decimetres to metres. Systems of WGS84, ETRS89, NAD83 and GDA are exact.
+//! therefore be wrong by decimetres to metres. ETRS89, NAD83 and GDA count as equal to WGS84;
+//! they differ by up to two metres.
 
 use std::borrow::Cow;
 use std::fmt;

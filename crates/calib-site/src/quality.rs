@@ -224,8 +224,8 @@ impl Site {
         (solution, findings)
     }
 
-    /// Returns findings about components apart from the largest, and about cameras with an undetermined
-    /// position.
+    /// Returns findings about all groups of connected cameras except the largest, and about cameras with an
+    /// undetermined position.
     fn not_connected(
         &self,
         components: &[Vec<usize>],

@@ -29,8 +29,8 @@ const CHUNK: usize = 1 << 20;
 /// Marker before the length of a message; older streams do not have it.
 const CONTINUATION: [u8; 4] = [0xFF; 4];
 
-/// Limit for the decompressed size of a batch, in bytes. Arrow allocates the stated size before it
-/// decompresses.
+/// Decompressed size of a batch, in bytes, up to which any compression ratio is accepted. Arrow allocates the
+/// stated size before it decompresses.
 const MAX_BATCH_BYTES: u64 = 256 << 20;
 /// Limit for the compression ratio of batches that are larger than [`MAX_BATCH_BYTES`].
 const MAX_COMPRESSION_RATIO: u64 = 64;

@@ -28,8 +28,8 @@ pub(crate) trait LeastSquares {
     /// Normal equations at a state.
     type Normal;
 
-    /// Returns the damping of the first step. If the step is rejected with a smaller damping than the
-    /// default, the default is tried next.
+    /// Returns the damping of the first step. If it is below the default and the step is rejected, the
+    /// default is tried next.
     fn first_damping(&self) -> f64 {
         FIRST_DAMPING
     }

@@ -7,7 +7,7 @@
 //! |---|---|---|
 //! | vertical line | [`LineResidual`] at the vanishing point [`Angles::nadir`] | `Problem::each_line` |
 //! | floor line | [`LineResidual`] at the vanishing point [`Angles::floor`] | `Problem::each_line` |
-//! | length | `floor_length` minus the length of its group | `Problem::each_length` |
+//! | length | log of `floor_length` minus the log length of its group | `Problem::each_length` |
 //! | upright | `upright_residuals` | `Problem::each_upright` |
 //!
 //! `Problem` is defined in `likelihood.rs`. It divides by the noise and adds the priors.
