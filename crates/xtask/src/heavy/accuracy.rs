@@ -41,27 +41,31 @@ type Estimator = fn(&[Annotation], &RandomScene, f64) -> Option<Camera>;
 const ESTIMATORS: [(&str, Estimator); 3] =
     [("closed form", closed_form), ("paper's C", paper), ("maximum likelihood", maximum_likelihood)];
 
-/// Runs the `proposals` test and prints its accuracy table of automatic calibration.
+/// Prints the accuracy table of automatic calibration.
 pub(crate) fn automatic_calibration() -> anyhow::Result<()> {
-    run_tests("proposals", &["gross", "rooms"])
+    run_tests(&[
+        "proposals::rooms",
+        "proposals::rendered_rooms",
+        "proposals::tiled_rooms",
+        "proposals::streets",
+        "proposals::demonstration_has_no_gross_errors",
+    ])
 }
 
-/// Runs the `compare` test and prints its table of measured rotation and zoom, on images that were not used
-/// for tuning.
+/// Prints the table of measured rotation and zoom, on images that were not used for tuning.
 pub(crate) fn compare() -> anyhow::Result<()> {
-    run_tests("compare", &["table_of", "--ignored"])
+    run_tests(&["compare::table_of", "--ignored"])
 }
 
-/// Runs the `watch` and `walk` tests and prints their tables of drift detection from detections alone.
+/// Prints the tables of drift detection from detections alone, and of walk tests.
 pub(crate) fn watch() -> anyhow::Result<()> {
-    run_tests("watch", &["table_of", "alarms", "--ignored"])?;
-    run_tests("walk", &["table_of", "--ignored"])
+    run_tests(&["watch::table_of", "watch::false_alarms", "walk::table_of", "--ignored"])
 }
 
-/// Runs the tests of the test program `name` that match `which`, and shows the tables that they print.
-fn run_tests(name: &str, which: &[&str]) -> anyhow::Result<()> {
+/// Runs the whole-program tests that match `which`, and shows the tables that they print.
+fn run_tests(which: &[&str]) -> anyhow::Result<()> {
     let mut cargo = Command::new("cargo");
-    cargo.args(["test", "--quiet", "--package", "calib-tests", "--test", name, "--", "--nocapture"]);
+    cargo.args(["test", "--quiet", "--package", "calib-tests", "--test", "whole", "--", "--nocapture"]);
     run_command(cargo.args(which).arg("--test-threads=1").current_dir(root()))
 }
 
