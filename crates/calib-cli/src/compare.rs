@@ -6,7 +6,6 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context as _;
 use calib_core::{Camera, Pixel};
 use calib_image::{CameraChange, Comparison, SizeMismatchError, annotation_edges, recover};
 use calib_report::{decimals, shortened_list};
@@ -18,7 +17,7 @@ use crate::args::SiteArgs;
 use crate::files::ThreadsArgs;
 use crate::files::print_message;
 use crate::progress::Pulse;
-use crate::site_file::{SiteFile, path_relative_to_file};
+use crate::site_file::{SiteFile, calibrated_camera, path_relative_to_file};
 use crate::solve::Format;
 use crate::stop::CommandError;
 use crate::stop::escape_control_characters;
@@ -182,13 +181,7 @@ fn compare(
     threads: ThreadsArgs,
 ) -> Result<CameraComparison, CommandError> {
     let entry = &file.site.cameras[index];
-    let not_calibrated = || {
-        CommandError::Unsolved(format!(
-            "camera \"{}\" is not calibrated; run calib solve to see the reason",
-            entry.id
-        ))
-    };
-    let camera = entry.camera().ok_or_else(not_calibrated)?;
+    let camera = calibrated_camera(entry)?;
     let old = file.camera_image(entry)?;
     let edges = annotation_edges(entry);
     let compare_image = |(time, path): DatedImage| {
@@ -203,7 +196,7 @@ fn compare(
 
 /// Writes the newest image of every camera with its matched and missing edges into a folder.
 fn draw(compared: &[CameraComparison], folder: &Path, force: bool) -> Result<(), CommandError> {
-    std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
+    files::create_folder(folder)?;
     for (of, seen) in compared.iter().filter_map(|of| Some((of, of.newest()?))) {
         let image = draw_edges(of, seen, read_newer_image(&seen.path)?);
         let name = folder.join(format!("{}.png", of.id)).to_string_lossy().into_owned();

@@ -103,7 +103,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
 /// Writes the images from one month later, named by camera and time.
 fn write_later(demo: &DemoSite, folder: &Path, progress: &ProgressBar) -> Result<(), CommandError> {
     let later = folder.join("later");
-    std::fs::create_dir_all(&later).with_context(|| format!("cannot create {}", later.display()))?;
+    files::create_folder(&later)?;
     for (entry, (id, truth)) in demo.site.cameras.iter().zip(&demo.truth) {
         progress.set_message(format!("rendering {id}, a month later"));
         let moved = calib_demo::changed_cameras();
@@ -126,7 +126,7 @@ fn prepare_folder(folder: &Path, force: bool) -> Result<(), CommandError> {
         );
         return Err(CommandError::Failed(anyhow::anyhow!(message)));
     }
-    std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
+    files::create_folder(folder)?;
     files::write_atomically(
         &ours,
         b"This folder was written by `calib demo`. Another run overwrites its files.\n",

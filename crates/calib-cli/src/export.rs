@@ -3,7 +3,6 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context as _;
 use calib_formats::{Export, ExportOptions, FORMATS, Format, PlanImage};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 
@@ -85,7 +84,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     let targets = output_paths(args, format, &export)?;
     for (path, file) in targets.iter().zip(&export.files) {
         if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-            std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
+            files::create_folder(folder)?;
         }
         files::write(&path.to_string_lossy(), &file.bytes, args.force)?;
     }

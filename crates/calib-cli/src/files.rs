@@ -27,6 +27,12 @@ pub(crate) fn check_free(path: &str, force: bool) -> Result<(), CommandError> {
     if is_free { Ok(()) } else { resolve_output(Path::new(path), force).map(drop) }
 }
 
+/// Creates a folder and its parents. An existing folder is kept.
+pub(crate) fn create_folder(folder: &Path) -> Result<(), CommandError> {
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
+    Ok(())
+}
+
 /// Whether a path is a pipe or a device, which is not replaced.
 fn is_stream(path: &Path) -> bool {
     path.metadata().is_ok_and(|about| !about.is_file() && !about.is_dir())

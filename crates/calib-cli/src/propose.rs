@@ -5,7 +5,6 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use anyhow::Context as _;
 use calib_core::single::Known;
 use calib_core::{Annotation, ImageCircle};
 use calib_image::{
@@ -249,7 +248,7 @@ fn solved(site: Site, results: &[ImageCalibration]) -> Site {
 
 /// Draws every image with its automatic calibration, whether accepted or not.
 fn draw(site: &Site, results: &[ImageCalibration], folder: &Path, force: bool) -> Result<(), CommandError> {
-    std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
+    files::create_folder(folder)?;
     for (camera, result) in site.cameras.iter().zip(results) {
         let ImageCalibration { path, calibration: proposal, .. } = result;
         let shown = SiteCamera {

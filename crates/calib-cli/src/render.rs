@@ -9,7 +9,7 @@ use crate::painting::draw_on;
 use crate::plan_ground::plan_view;
 use crate::progress::Pulse;
 use crate::sigma_map;
-use crate::site_file::SiteFile;
+use crate::site_file::{SiteFile, calibrated_camera};
 use crate::stop::CommandError;
 
 /// Arguments of `calib render`.
@@ -66,13 +66,7 @@ pub(crate) fn camera_view(
     // A second grid would hide the colours of the error.
     let mut svg = overlay(&file.site, entry, lens_grid || (!sigma && is_lens_estimated(entry)));
     if sigma {
-        let not_calibrated = || {
-            CommandError::Unsolved(format!(
-                "camera \"{}\" is not calibrated; run calib solve to see the reason",
-                entry.id
-            ))
-        };
-        let camera = entry.camera().ok_or_else(not_calibrated)?;
+        let camera = calibrated_camera(entry)?;
         sigma_map::shade(&mut image, &mut svg, entry, &camera);
     }
     Ok((image, svg))

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use base64::Engine as _;
-use calib_core::Code;
+use calib_core::{Camera, Code};
 use calib_input::{FileError, decode, image_endings, image_size};
 use calib_plan::{Drawing, View};
 use calib_report::shortened_list;
@@ -319,6 +319,14 @@ pub(crate) fn path_relative_to_file(path: &Path, file: &str) -> String {
 fn folder_of(file: &str) -> &Path {
     let folder = Path::new(file).parent().filter(|folder| !folder.as_os_str().is_empty());
     folder.unwrap_or(Path::new("."))
+}
+
+/// Returns the calibrated camera of an entry; fails if it has none.
+pub(crate) fn calibrated_camera(entry: &SiteCamera) -> Result<Camera, CommandError> {
+    entry.camera().ok_or_else(|| {
+        let what = format!("camera \"{}\" is not calibrated; run calib solve to see the reason", entry.id);
+        CommandError::Unsolved(what)
+    })
 }
 
 /// Whether a calibration is valid at a time; always if no time is given.
