@@ -34,6 +34,19 @@ impl Session {
         }
     }
 
+    /// Whether the operator may move a camera. If not, a note states the reason. `purpose` completes "Switch them off
+    /// to".
+    pub(crate) fn check_may_move(&mut self, camera: usize, purpose: &str) -> bool {
+        let is_fixed = self.is_fixed_by_control_points(camera);
+        if is_fixed {
+            let name = &self.site.cameras[camera].id;
+            let why =
+                format!("Control points determine the position of {name}. Switch them off to {purpose}.");
+            self.note = Some(why);
+        }
+        !is_fixed
+    }
+
     /// Whether control points determine the position of a camera, so that it cannot be moved by hand.
     #[must_use]
     pub fn is_fixed_by_control_points(&self, index: usize) -> bool {

@@ -136,8 +136,9 @@ fn right(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
     let palette = theme::palette(ui.ctx());
     let mut button = |ui: &mut Ui, icon, label: &str, command, on: Option<bool>| {
         let look = Look { enabled: app.is_enabled(command), chosen: on, ..Look::default() };
-        let tip = if (command, on) == (Command::Pause, Some(true)) { "Resume solving" } else { "" };
-        if icons::button(ui, icon, label, tip, look).clicked() {
+        // The name of a switch does not change, so its tooltip states both directions.
+        let tip = on.map_or_else(String::new, |_| app.editor.command_text(command));
+        if icons::button(ui, icon, label, &tip, look).clicked() {
             *chosen = Some(command);
         }
     };

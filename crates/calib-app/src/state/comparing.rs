@@ -221,14 +221,13 @@ impl App {
             return self.act(Action::Note(format!("{}: {why}.", of.camera)));
         }
         let name = entry.image.clone().unwrap_or_default();
-        let stills =
-            [&name, &newer.image].map(|name| self.pictures.ready(name).map(|own| Arc::clone(&own.image)));
-        let failed =
-            [&name, &newer.image].into_iter().find_map(|name| Some((name, self.pictures.error(name)?)));
+        let names = [&name, &newer.image];
+        let failed = names.into_iter().find_map(|name| Some((name, self.pictures.error(name)?)));
         if let Some((name, error)) = failed {
             let image = self.editor.session().images.shown_name(name);
             return self.act(Action::AddError(format!("{}: {image} cannot be used: {error}", of.camera)));
         }
+        let stills = names.map(|name| self.pictures.ready(name).map(|own| Arc::clone(&own.image)));
         let [Some(old), Some(new)] = stills else {
             return self
                 .act(Action::Note("The images are still loading. Press Recover again in a moment.".into()));

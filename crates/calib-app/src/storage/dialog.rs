@@ -8,6 +8,7 @@ use web_time::Instant;
 
 use crate::choice::{Chosen, Purpose};
 use crate::platform::{Answer, Here, Platform as _};
+use crate::storage::files::site_text;
 
 /// Smallest plausible time between opening a file chooser and closing it by hand. If a chooser closes earlier without
 /// a file, the system is assumed to have no file chooser.
@@ -81,7 +82,6 @@ impl Chosen {
     /// # Errors
     /// When the file cannot be read or is not UTF-8.
     pub fn into_text(self) -> FileResult<String> {
-        let error = "the file is not UTF-8 text. Choose a site file.";
-        String::from_utf8(self.into_bytes()?).map_err(|_| error.into())
+        site_text(self.into_bytes()?)
     }
 }

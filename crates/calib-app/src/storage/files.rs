@@ -39,13 +39,20 @@ pub fn open(path: &Path) -> FileResult<(Site, Images)> {
 pub fn open_stamped(path: &Path) -> FileResult<(Site, Images, u64)> {
     let bytes = Here::read(path)?;
     let held = stamp(&bytes);
-    let text = String::from_utf8(bytes)
-        .map_err(|_| format!("{}: the file is not UTF-8 text. Choose a site file.", path.display()))?;
+    let text = site_text(bytes).map_err(|error| format!("{}: {error}", path.display()))?;
     let folder = path.parent().map(Path::to_path_buf);
     let drawings = Images::in_folder(folder.clone(), None);
     let (site, images) = parse_with_drawing(&text, folder, |plan| scale_of_drawing(plan, &drawings))
         .map_err(|error| format!("{}: {error}", path.display()))?;
     Ok((site, images, held))
+}
+
+/// Returns the text of a site file.
+///
+/// # Errors
+/// When the bytes are not UTF-8.
+pub(super) fn site_text(bytes: Vec<u8>) -> FileResult<String> {
+    String::from_utf8(bytes).map_err(|_| "the file is not UTF-8 text. Choose a site file.".into())
 }
 
 /// Returns the scale in the drawing of a plan, in metres per pixel. `None` if the plan is not a drawing or contains

@@ -30,11 +30,7 @@ impl Editor {
         self.cancel();
         let session = &mut self.session;
         let camera = session.camera;
-        if session.is_fixed_by_control_points(camera) {
-            let name = &session.site.cameras[camera].id;
-            session.note = Some(format!(
-                "Control points determine the position of {name}. Switch them off to move the camera by hand."
-            ));
+        if !session.check_may_move(camera, "move the camera by hand") {
             return;
         }
         let Some(mut placement) = session.placement(camera) else { return };

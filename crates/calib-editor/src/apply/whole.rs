@@ -171,7 +171,7 @@ impl Editor {
         let (mut lenses, mut added, mut lens_of) = (0, 0, String::new());
         if site.ground_points.iter().any(|point| point.crs_m.is_some()) && self.session.site.crs.is_none() {
             let error = "The points have grid coordinates. Enter the coordinate grid (such as EPSG:25832) in \
-                         the panel \u{201c}Points to click\u{201d}, then import the file again.";
+                         the Points to click panel, then import the file again.";
             self.error = Some(error.into());
             return;
         }

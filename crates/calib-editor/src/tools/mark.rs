@@ -129,7 +129,7 @@ impl MarkDrag {
 
     pub(super) fn start(session: &mut Session, mark: usize, pointer: &Pointer) -> Option<Self> {
         if let (Pane::Image(camera), true) = (pointer.pane, pointer.modifiers.alt)
-            && !session.check_may_share(camera)
+            && !(session.check_may_share(camera) && session.check_may_move(camera, "pin a mark"))
         {
             return None;
         }
@@ -137,13 +137,6 @@ impl MarkDrag {
         let at = drawn.at_m;
         let started = Pixel::from(pointer.at);
         if let (Pane::Image(camera), true) = (pointer.pane, pointer.modifiers.alt) {
-            if session.is_fixed_by_control_points(camera) {
-                let name = &session.site.cameras[camera].id;
-                session.note = Some(format!(
-                    "Control points determine the position of {name}. Switch them off to pin a mark."
-                ));
-                return None;
-            }
             let pose = session.solved.pose(camera)?;
             let shape = drawn.shape();
             let shown = |name: &str| Some(pose.world_to_pixel(shape.point(name)?)?.distance(started));
@@ -365,7 +358,7 @@ impl Tool for Marking {
                         None => "This point is not on the floor. Click below the horizon.".into(),
                         Some(entry) => format!(
                             "{} is not calibrated. Draw lines in its image, or choose the rectangle in the \
-                             panel \u{201c}Marks\u{201d} and click the four corners.",
+                             Marks panel and click the four corners.",
                             entry.id
                         ),
                     };

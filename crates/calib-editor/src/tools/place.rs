@@ -118,11 +118,7 @@ impl PlaceDrag {
             session.note = Some(note.into());
             return None;
         }
-        if session.is_fixed_by_control_points(camera) {
-            let name = &session.site.cameras[camera].id;
-            session.note = Some(format!(
-                "Control points determine the position of {name}. Switch them off to move the camera by hand."
-            ));
+        if !session.check_may_move(camera, "move the camera by hand") {
             return None;
         }
         let own = session.placement(camera)?;
