@@ -6,8 +6,7 @@ use calib_tests::Scratch;
 use egui::{Event, Key, Modifiers, PointerButton};
 use egui_kittest::kittest::Queryable as _;
 
-use crate::desk;
-use crate::desk::{Desk, demo, still};
+use crate::desk::{self, Desk, demo, still};
 
 #[test]
 fn new_sites_wait_until_the_gesture_ends() {

@@ -6,8 +6,7 @@ use calib_editor::Pane;
 use egui::{Event, Key, Modifiers, PointerButton, Pos2, TouchDeviceId, TouchId, TouchPhase, Vec2};
 use egui_kittest::kittest::Queryable as _;
 
-use crate::desk;
-use crate::desk::{Desk, demo, last_vertical, with_edge};
+use crate::desk::{self, Desk, demo, last_vertical, with_edge};
 
 /// Returns the demonstration site with an empty list of annotations in its first camera.
 fn without_lines() -> calib_site::Site {

@@ -13,8 +13,7 @@ use calib_tests::Scratch;
 use egui::{Context, Key, Modifiers};
 use egui_kittest::kittest::Queryable as _;
 
-use crate::desk;
-use crate::desk::Desk;
+use crate::desk::{self, Desk};
 
 /// Returns an annotated camera of the demonstration and its true parameters.
 fn store() -> (SiteCamera, Camera) {

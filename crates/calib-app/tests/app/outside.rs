@@ -12,8 +12,7 @@ use egui::{Context, Key};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 
-use crate::desk;
-use crate::desk::{Desk, still};
+use crate::desk::{self, Desk, still};
 
 const SIZE: [u32; 2] = [320, 180];
 const OUTSIDE: [&str; 3] = ["private.png", "linked.png", "plan.png"];

@@ -202,20 +202,12 @@ fn plan_shows_the_agreement_of_every_pair_before_and_after() {
     assert!(!agreement(&desk, &linked).unwrap().contains('\u{2192}'), "no camera was moved");
     // While a foot is dragged, both error values are shown, and the tag shows the distance.
     desk.take("Select");
-    let (_, foot) = plan_handles(desk.app().editor.session(), 0)
-        .into_iter()
-        .find(|(h, _)| *h == PlanHandle::Foot)
-        .unwrap();
-    let from = desk.screen(Pane::Plan, foot);
-    desk.harness.event(egui::Event::PointerMoved(from));
-    desk.press(from, Modifiers::NONE);
-    desk.harness.event(egui::Event::PointerMoved(from + Vec2::new(60.0, 40.0)));
-    desk.harness.run_steps(2);
+    let to = drag_handle(&mut desk, PlanHandle::Foot, Vec2::new(60.0, 40.0));
     let during = agreement(&desk, &linked).unwrap();
     assert!(during.contains(" \u{2192} "), "{during}");
     assert!(texts(&desk).iter().any(|(text, _)| text.starts_with("moved ")));
     assert!(words(&desk).contains(" disagrees by "), "the wrong position causes a warning: {}", words(&desk));
-    desk.release(from + Vec2::new(60.0, 40.0), Modifiers::NONE);
+    desk.release(to, Modifiers::NONE);
     desk.harness.run_steps(2);
     // One click selects the worst link in every view.
     let says = |text: &str| text.contains(" disagrees by ");
@@ -230,20 +222,24 @@ fn plan_shows_the_agreement_of_every_pair_before_and_after() {
     assert!(selected.iter().any(|part| matches!(part, calib_editor::Part::Link { .. })), "{selected:?}");
 }
 
+/// Drags a plan handle of the first camera, and does not release it. Returns the position of the pointer.
+fn drag_handle(desk: &mut Desk, wanted: PlanHandle, by: Vec2) -> Pos2 {
+    let handles = plan_handles(desk.app().editor.session(), 0);
+    let (_, at) = handles.into_iter().find(|(handle, _)| *handle == wanted).unwrap();
+    let from = desk.screen(Pane::Plan, at);
+    desk.harness.event(egui::Event::PointerMoved(from));
+    desk.press(from, Modifiers::NONE);
+    desk.harness.event(egui::Event::PointerMoved(from + by));
+    desk.harness.run_steps(2);
+    from + by
+}
+
 #[test]
 fn rotation_handle_shows_the_change_and_the_old_value() {
     let mut desk = Desk::new(by_hand());
     desk.key(Key::Num2);
     desk.take("Select");
-    let (_, turn) = plan_handles(desk.app().editor.session(), 0)
-        .into_iter()
-        .find(|(h, _)| *h == PlanHandle::Rotate)
-        .unwrap();
-    let from = desk.screen(Pane::Plan, turn);
-    desk.harness.event(egui::Event::PointerMoved(from));
-    desk.press(from, Modifiers::NONE);
-    desk.harness.event(egui::Event::PointerMoved(from + Vec2::new(50.0, 30.0)));
-    desk.harness.run_steps(2);
+    drag_handle(&mut desk, PlanHandle::Rotate, Vec2::new(50.0, 30.0));
     let tag = texts(&desk).into_iter().find(|(text, _)| text.starts_with("yaw ") && text.contains(", was "));
     assert!(tag.is_some(), "{:?}", texts(&desk));
 }

@@ -12,8 +12,7 @@ use calib_tests::Scratch;
 use egui::{Event, Key, Modifiers, Pos2, Vec2};
 use egui_kittest::kittest::Queryable as _;
 
-use crate::desk;
-use crate::desk::{Desk, demo, last_vertical, still, with_edge};
+use crate::desk::{self, Desk, demo, last_vertical, still, with_edge};
 
 /// Returns all text on screen.
 fn words(desk: &Desk) -> String {
