@@ -197,9 +197,9 @@ fn measured_rooms(name: &'static str, half: usize) -> Option<(Measured, Measured
     Some((Measured { name, offered: rooms.len(), each }, baseline))
 }
 
-/// Estimates the orientation with the usual baseline, RANSAC. Of 500 intersections of random pairs of edges, it takes
-/// the point with the most edges within 2 degrees, and removes these edges. It repeats this three times. The most
-/// vertical point is the zenith. The other points count as horizontal directions: the first with a real focal length
+/// Estimates the orientation with the usual baseline, RANSAC. Three times, it intersects 500 random pairs of edges,
+/// selects the intersection with the most edges within 2 degrees, and removes these edges. The most vertical
+/// intersection is the zenith. The other points count as horizontal directions: the first with a real focal length
 /// determines the focal length.
 fn ransac(segments: &[LineSegment], centre: Pixel) -> Option<Orientation> {
     let mut random = ChaCha8Rng::seed_from_u64(1);

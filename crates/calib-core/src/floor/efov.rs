@@ -140,8 +140,8 @@ fn doubled_signed_area(corners: &[Pixel]) -> f64 {
 /// camera. Clipping at the horizon is not possible, because points behind the camera are visible in the
 /// image.
 ///
-/// The result follows the floor points of the outline that are within the reach. Where the outline leaves the
-/// reach, the result follows the circle of the reach to the point where the outline returns. It keeps the
+/// The result contains the floor points of the outline that are within the reach. Between an exit of the outline
+/// from the reach and its next entry, the result contains the arc of the circle of the reach. It keeps the
 /// orientation of the outline.
 fn project_wide_polygon(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Efov {
     /// Number of points for each edge of the outline.

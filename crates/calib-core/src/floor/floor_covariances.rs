@@ -214,7 +214,7 @@ impl FlowCovariance {
 }
 
 /// Returns the derivatives of the homography of a plane with respect to the pose parameters and the focal
-/// length. `drop` is the height of the plane, at the foot of the camera, minus that of the camera, in metres.
+/// length. `drop` is the vertical distance from the camera up to the plane, in metres; it is negative for the floor.
 fn flows(camera: &Camera, plane: &Plane, axes: &[[f64; 3]; 3], drop: f64) -> [Flow; Covariance::LENS] {
     // The arguments are the change of d at x = y = 0, and its derivatives with respect to x and y.
     let flow = |[none, by_x, by_y]: [[f64; 3]; 3]| {

@@ -8,7 +8,7 @@
 //!
 //! If the world positions have errors, too, with the joint covariance C, the residuals `e_i - R(t) w_i - s` have
 //! the covariance `R C R^T + diag(sigma_i^2)`. The generalized least-squares estimate is iterated from the
-//! estimate above. With C from a joint solve, the result equals that of a joint solve that contains these points.
+//! estimate above. If C comes from a joint solve, a joint solve with these points would give the same result.
 
 use nalgebra::{DMatrix, DVector, Matrix3};
 
